@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from trace_dag.common.messages.wording import beside_limit
@@ -93,6 +93,7 @@ def write_crash_page(page: CrashPage) -> bytes:
         sight=sight_in_words(accepted) if accepted else "",
         clocks=_clocks(page.verdict, page.record) if page.verdict and page.record else [],
         hours=[(hour, *_on_dial(hour, _HOURS_RADIUS)) for hour in (3, 6, 9, 12)],
+        on_dial=_on_dial,
         reasons=_reasons(page),
         facts=_facts(page.crash),
         links=[] if page.rights.fictional else _elsewhere(page.crash),
@@ -287,7 +288,7 @@ _CLOCK_RADIUS, _HOURS_RADIUS = 44.0, 56.0  # of the dials and of the hours aroun
 
 @dataclass(frozen=True)
 class Dial:
-    """The struck position on a vehicle, in clock hours with 12 at its front, and the points of its drawing."""
+    """The struck position on a vehicle, in clock hours with 12 at its front."""
 
     vehicle_number: int
     event_number: int | None
@@ -295,18 +296,9 @@ class Dial:
     reported_h: float | None
     simulated_h: float
 
-    @property
-    def reported_xy(self) -> tuple[float, float] | None:
-        """Return the reported position on the dial, x to the right and y down."""
-        return None if self.reported_h is None else _on_dial(self.reported_h)
-
-    @property
-    def simulated_xy(self) -> tuple[float, float]:
-        """Return the simulated position on the dial, x to the right and y down."""
-        return _on_dial(self.simulated_h)
-
 
 def _on_dial(clock_h: float, radius: float = _CLOCK_RADIUS) -> tuple[float, float]:
+    """Return a position on the dial, x to the right and y down."""
     angle_rad = clock_h * math.tau / 12.0
     return round(radius * math.sin(angle_rad), 1), round(-radius * math.cos(angle_rad), 1)
 
@@ -355,9 +347,9 @@ def _reasons(page: CrashPage) -> Reasons:
     contradictions = page.record.contradictions if page.record else ()
     detail = verdict.support.detail if verdict and verdict.support and verdict.grade is not Grade.CORROBORATED else ""
     doubts = [f"{each.detail[0].upper()}{each.detail[1:]}" for each in (verdict.reservations if verdict else ())]
-    reasons = Reasons(
-        [in_words(each) for each in deciding if each.passed]
-        + [_fact_in_words(fact) for fact in facts if fact.weight > 0.0],
+    for_it = [in_words(each) for each in deciding if each.passed]
+    for_it += [_fact_in_words(fact) for fact in facts if fact.weight > 0.0]
+    against = (
         doubts
         # The page begins with what rejects a crash.
         + [in_words(each) for each in deciding if each.passed is False and verdict and each.reason != verdict.reason]
@@ -367,14 +359,11 @@ def _reasons(page: CrashPage) -> Reasons:
             for fact in facts
             if (fact.agreement is not Agreement.AGREES and fact.weight < 0.0) or fact.refutes
         ]
-        + [f"The report contradicts itself: {line}" for line in contradictions],
-        [in_words(each) for each in deciding if each.passed is None],
-        max(len(doubts), _UNFOLDED),
+        + [f"The report contradicts itself: {line}" for line in contradictions]
     )
-    for_it, against, untold = (
-        [*map(_without_codes, each)] for each in (reasons.for_it, reasons.against, reasons.untold)
-    )
-    return replace(reasons, for_it=for_it, against=against, untold=untold)
+    untold = [in_words(each) for each in deciding if each.passed is None]
+    for_it, against, untold = ([*map(_without_codes, each)] for each in (for_it, against, untold))
+    return Reasons(for_it, against, untold, max(len(doubts), _UNFOLDED))
 
 
 _CRITERIA = {

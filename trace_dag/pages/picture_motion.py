@@ -33,7 +33,7 @@ from trace_dag.scenario.drawn_shapes import (
 )
 from trace_dag.simulation.objects import FixedObject
 from trace_dag.simulation.states import Hypothesis
-from trace_dag.simulation.types import Body, Contact, Moment, SimulationLog, VehicleLog, moment_of, overturned_at
+from trace_dag.simulation.types import Body, Moment, SimulationLog, VehicleLog, moment_of, overturned_at
 
 _AT_REST_OPACITY, _OPACITY = 0.35, 0.85
 _OBJECT_OPACITY = 0.55
@@ -73,9 +73,8 @@ class DrawnMotion:
     """The motions of vehicles and people: planned in ``hypothesis`` and simulated in ``log``, if they are there."""
 
     def __init__(self, hypothesis: Hypothesis | None, log: SimulationLog | None) -> None:
-        contacts = sorted(log.contacts, key=lambda each: each.time_s) if log else []
         self._objects = hypothesis.objects if hypothesis else log.objects if log else ()
-        self._contacts = _first_of_pairs(contacts)
+        self._contacts = log.first_of_each if log else ()
         planned = {p.vehicle_number: p for p in hypothesis.participants} if hypothesis else {}
         driven = {v.number: v for v in log.vehicles} if log else {}
         self._overturns: list[tuple[float, float]] = []
@@ -93,12 +92,12 @@ class DrawnMotion:
                 size = participant.length_m, participant.width_m
                 if is_vehicle(number):
                     self._bodies.append(SampledBody(participant.initial_pose, *size, colour, 0.0))
-                    if not contacts and not log:
+                    if not log:
                         self._bodies.append(SampledBody(participant.impact_pose, *size, colour, _OPACITY))
             if log and (vehicle := driven.get(number)):
                 body = log.bodies[number]
                 party = party_of_body(number)
-                own = next((each for each in contacts if party in (each.number_1, each.number_2)), None)
+                own = next((each for each in self._contacts if party in (each.number_1, each.number_2)), None)
                 pose = None if own is None else log.pose_at_contact(own, number)
                 self._driven.append((colour, np.column_stack([vehicle.x_m, vehicle.y_m])))
                 if body.is_figure:
@@ -110,13 +109,12 @@ class DrawnMotion:
                     continue
                 size = body.length_m, body.width_m
                 if body.is_trailer:
-                    self._bodies.append(SampledBody(_first_pose(vehicle), *size, colour, 0.0))
-                self._bodies.append(SampledBody(_last_pose(vehicle), *size, colour, _AT_REST_OPACITY))
+                    self._bodies.append(SampledBody(vehicle.pose_at(0), *size, colour, 0.0))
+                self._bodies.append(SampledBody(vehicle.pose_at(-1), *size, colour, _AT_REST_OPACITY))
                 over = overturned_at(vehicle)
                 if over is not None:
                     self._overturns.append((float(vehicle.x_m[over]), float(vehicle.y_m[over])))
-                    if pose is None:
-                        pose = Pose(*self._overturns[-1], float(vehicle.heading_rad[over]))
+                    pose = pose or vehicle.pose_at(over)
                 if pose is not None:
                     self._bodies.append(SampledBody(pose, *size, colour, _OPACITY))
 
@@ -178,22 +176,6 @@ def draw_figure(canvas: Canvas, figure: DrawnFigure) -> None:
             canvas.lines([line], stroke, 34 - rim_pt)
     head = Ink(_HEAD_COLOUR, "white", 0.6, opacity=figure.opacity)
     canvas.discs([tuple(shape.head)], max(shape.head_m, least_m), head, 35)
-
-
-def _first_of_pairs(contacts: Sequence[Contact]) -> list[Contact]:
-    """Return the first contact of each two parties, in order."""
-    first: dict[tuple[int, int], Contact] = {}
-    for each in contacts:
-        first.setdefault((each.number_1, each.number_2), each)
-    return list(first.values())
-
-
-def _first_pose(vehicle: VehicleLog) -> Pose:
-    return Pose(float(vehicle.x_m[0]), float(vehicle.y_m[0]), float(vehicle.heading_rad[0]))
-
-
-def _last_pose(vehicle: VehicleLog) -> Pose:
-    return Pose(float(vehicle.x_m[-1]), float(vehicle.y_m[-1]), float(vehicle.heading_rad[-1]))
 
 
 def draw_cross(canvas: Canvas) -> None:

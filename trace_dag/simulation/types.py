@@ -168,6 +168,11 @@ class VehicleLog:
     roll_rad: FloatArray
     landmarks_m: FloatArray
 
+    def pose_at(self, step: int) -> Pose:
+        """Return the pose of the body's centre at a step."""
+        x, y, heading, z = (float(values[step]) for values in (self.x_m, self.y_m, self.heading_rad, self.z_m))
+        return Pose(x, y, heading, z)
+
     def on_grid(self) -> VehicleLog:
         """Return a copy with all values but the times rounded to :data:`STATE_GRID`.
 

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from trace_dag.common.geometry import Pose, rectangle_corners
+from trace_dag.common.geometry import rectangle_corners
 from trace_dag.crash.codes import elements as codes
 from trace_dag.crash.codes.elements import NO_ROLLOVER, P_CRASH2
 from trace_dag.crash.crash_types import SIDE_OF_EVENT, DepartureSide
@@ -135,10 +135,6 @@ def _steps(driven: VehicleLog, begin_s: float, end_s: float) -> Iterator[int]:
             yield k
 
 
-def _pose(driven: VehicleLog, k: int) -> Pose:
-    return Pose(float(driven.x_m[k]), float(driven.y_m[k]), float(driven.heading_rad[k]), float(driven.z_m[k]))
-
-
 def _crosses(
     network: RoadNetwork, driven: VehicleLog, body: Body, begin_s: float, end_s: float, *, median: bool
 ) -> bool:
@@ -148,7 +144,7 @@ def _crosses(
     without crossing a median. A vehicle that only enters the median ran off the road.
     """
     for k in _steps(driven, begin_s, end_s):
-        pose = _pose(driven, k)
+        pose = driven.pose_at(k)
         course_rad = math.atan2(float(driven.velocity_y_mps[k]), float(driven.velocity_x_mps[k]))
         for x_m, y_m in rectangle_corners(pose, body.length_m, body.width_m).tolist():
             for lane in network.nearest_lanes(x_m, y_m, 0.0, z_m=pose.z_m):
@@ -169,9 +165,9 @@ def _excursions(network: RoadNetwork, log: SimulationLog, number: int) -> Iterat
     met = next((each for each in log.meetings if number in (each.number_1, each.number_2)), None)
     came, came_s = (None, 0.0) if met is None else (log.pose_at_contact(met, number), met.time_s)
     steps = list(_steps(driven, -math.inf, math.inf))
-    middle = _pose(driven, steps[len(steps) // 2])
+    middle = driven.pose_at(steps[len(steps) // 2])
     area = network.carriageway_near(middle.x_m, middle.y_m, _REACH_M, z_m=middle.z_m)
-    corners = np.stack([rectangle_corners(_pose(driven, k), body.length_m, body.width_m) for k in steps])
+    corners = np.stack([rectangle_corners(driven.pose_at(k), body.length_m, body.width_m) for k in steps])
     outside = (~area.contains(corners[..., 0], corners[..., 1])).any(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], outside, [False]]).astype(int)))
     for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):

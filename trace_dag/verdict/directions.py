@@ -181,7 +181,7 @@ def _approach_road(network: RoadNetwork, driven: VehicleLog, contact_s: float, a
     """Return the last road, outside junctions, on which a vehicle was headed in its direction of approach."""
     before = max(int(np.searchsorted(driven.time_s, contact_s)), 1)
     for i in reversed(_places(driven, before)):
-        at = Pose(float(driven.x_m[i]), float(driven.y_m[i]), float(driven.heading_rad[i]), float(driven.z_m[i]))
+        at = driven.pose_at(i)
         found = _lane_at(network, at, at.heading_rad)
         if found is None or network.road_by_id[found[0].road_id].junction_id is not None:
             continue
@@ -211,12 +211,12 @@ def _approach(
     that drove in none (it came from beside the road) keeps its initial heading. One that backs up is headed against its
     motion.
     """
-    start = Pose(float(driven.x_m[0]), float(driven.y_m[0]), float(driven.heading_rad[0]), float(driven.z_m[0]))
+    start = driven.pose_at(0)
     before = max(int(np.searchsorted(driven.time_s, contact_s)), 1)  # who is touched at once has its start alone
     backing = bool(driven.speed_mps[before - 1] < -_STANDSTILL_MPS)
     reach_m = math.hypot(contact.x_m - start.x_m, contact.y_m - start.y_m) + _CHAIN_MARGIN_M
     for i in _places(driven, before):
-        at = Pose(float(driven.x_m[i]), float(driven.y_m[i]), float(driven.heading_rad[i]), float(driven.z_m[i]))
+        at = driven.pose_at(i)
         course = wrap_angle(at.heading_rad + (math.pi if backing else 0.0))
         found = _lane_at(network, at, course)
         if found is not None:

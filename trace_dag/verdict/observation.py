@@ -255,7 +255,7 @@ class _Observer:
         number = happening.pair[0]
         driven = self._logs[number]
         k = int(np.argmin(np.abs(driven.time_s - happening.time_s)))
-        at = Pose(float(driven.x_m[k]), float(driven.y_m[k]), float(driven.heading_rad[k]), float(driven.z_m[k]))
+        at = driven.pose_at(k)
         speeds = np.hypot(driven.velocity_x_mps, driven.velocity_y_mps)
         overturn = ObservedOverturn(
             initial_speed_mps=float(speeds[0]),
