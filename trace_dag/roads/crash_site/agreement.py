@@ -174,13 +174,12 @@ def _controls(
         inside = road.junction_id is not None and road.junction_id in members
         if not inside and road.id not in around:
             continue
-        origins = {link.element_id for link in (road.predecessor, road.successor) if link is not None}
         for signal in road.signals:
             control = _SIGNAL_TYPES.get(signal.type)
             x_m, y_m = network.road_geometry(road.id).line.at(signal.s_m)[:2]
             if control is None or math.hypot(x_m - at_x, y_m - at_y) > reach_m:
                 continue
-            if control == Control.SIGNAL or road.id in own or (inside and origins & own):
+            if control == Control.SIGNAL or road.id in own or (inside and not own.isdisjoint(road.linked_roads)):
                 found.add(control)
     return frozenset(found)
 

@@ -147,7 +147,7 @@ def _ends_at_junctions(network: RoadNetwork) -> dict[str, list[_End]]:
     for road in network.roads:
         if road.junction_id is not None:
             continue
-        for link, contact in ((road.predecessor, ContactPoint.START), (road.successor, ContactPoint.END)):
+        for contact, _, link in road.ends:
             if link is not None and link.element_type == "junction":
                 ends[link.element_id].append((road, contact))
     return ends
@@ -235,8 +235,7 @@ def _centre(network: RoadNetwork, junction: Junction) -> tuple[float, float]:
 
 def _joins(road: Road, members: Collection[str]) -> bool:
     """Return whether both ends of a road are at junctions of ``members``."""
-    links = (road.predecessor, road.successor)
-    return all(link is not None and link.element_type == "junction" and link.element_id in members for link in links)
+    return len(road.linked_junctions) == 2 and all(each in members for each in road.linked_junctions)
 
 
 def _arms(
@@ -290,7 +289,7 @@ def _arm(network: RoadNetwork, road: Road, contact: ContactPoint, centre: tuple[
         frozenset(road.names),
         enters=not oneway or contact == ContactPoint.END,
         leaves=not oneway or contact == ContactPoint.START,
-        ramp=oneway and road.highway.endswith("_link"),
+        ramp=oneway and road.is_ramp,
     )
 
 
@@ -299,14 +298,7 @@ def _lead_to_one_place(network: RoadNetwork, a: Arm, b: Arm, members: Collection
     roads = [network.road_by_id[road_id] for road_id in (*a.road_ids, *b.road_ids)]
     if any(road.length_m > _SLIP_ROAD_M for road in roads) or not any(road.one_way for road in roads):
         return False
-    far = [
-        {
-            link.element_id
-            for link in (road.predecessor, road.successor)
-            if link is not None and link.element_type == "junction" and link.element_id not in members
-        }
-        for road in roads
-    ]
+    far = [set(road.linked_junctions).difference(members) for road in roads]
     return bool(set.intersection(*far))
 
 

@@ -27,7 +27,7 @@ from trace_dag.osm.types import OsmExtract, OsmNode, OsmWay
 from trace_dag.roads.crash_site.placement import is_at_intersection
 from trace_dag.roads.crash_site.reported_road import pair_of
 from trace_dag.roads.from_osm.tags import INFERRED_TAG, goes_one_way
-from trace_dag.roads.map.model import Road
+from trace_dag.roads.map.model import ContactPoint, Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement
 
@@ -207,10 +207,10 @@ def _road_ends(network: RoadNetwork) -> Iterator[tuple[FloatArray, float]]:
         if road.junction_id is not None:
             continue
         geometry = network.road_geometry(road.id)
-        for link, s_m, turned in ((road.predecessor, 0.0, 0.0), (road.successor, road.length_m, math.pi)):
+        for contact, s_m, link in road.ends:
             if link is not None and link.element_type == "junction":
                 x, y, heading = (float(value) for value in geometry.line.sample(np.array([s_m]))[0][:3])
-                yield np.array([x, y]), heading + turned
+                yield np.array([x, y]), heading if contact is ContactPoint.START else heading + math.pi
 
 
 # --- drawing -------------------------------------------------------------------------------------------------------

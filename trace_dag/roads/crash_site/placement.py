@@ -186,8 +186,7 @@ class _Placer:
     def _judge(self, road_id: str, distance_m: float) -> _Candidate:
         road, record = self._network.road_by_id[road_id], self._record
         weights: dict[str, float] = {"distance": float(np.interp(distance_m, _DISTANCES_M, _DISTANCE_WEIGHTS))}
-        ramp = road.highway.endswith("_link")
-        named = None if is_on_ramp(record) and not ramp else similarity(record.trafficway_1, road.names)
+        named = None if is_on_ramp(record) and not road.is_ramp else similarity(record.trafficway_1, road.names)
         if named is not None:
             per_likeness, unlike = _NAME_WEIGHTS
             weights["name"] = per_likeness * named + unlike
@@ -200,7 +199,7 @@ class _Placer:
             weights["route"] = _SYSTEM_WEIGHTS[numbered]
         if is_town_street_for_interstate(record, road):
             weights["town street"] = _TOWN_STREET_FOR_INTERSTATE
-        if ramp:
+        if road.is_ramp:
             weights["ramp"] = _RAMP_WEIGHTS[is_on_ramp(record)]
         elif is_on_ramp(record):
             weights["mainline"] = _MAINLINE_FOR_RAMP
@@ -356,12 +355,7 @@ class _Placer:
         return tuple(
             road.id
             for road in self._network.roads
-            if road.highway in SERVICE_HIGHWAYS
-            and road.junction_id is None
-            and any(
-                link is not None and link.element_type == "junction" and link.element_id == junction_id
-                for link in (road.predecessor, road.successor)
-            )
+            if road.highway in SERVICE_HIGHWAYS and road.junction_id is None and junction_id in road.linked_junctions
         )
 
     # --- the point -------------------------------------------------------------------------------------------

@@ -123,7 +123,7 @@ def trafficway_on_map(street: Carriageway) -> Trafficway:
     >>> trafficway_on_map(carriageway_at(network, map_report.placement.road_id, 0.0, 0.0)).value
     'undivided'
     """
-    if street.road.highway.endswith("_link"):
+    if street.road.is_ramp:
         return Trafficway.RAMP
     if street.divided:
         return Trafficway.DIVIDED
@@ -204,7 +204,7 @@ def contradiction(record: CrashRecord, road: Road, names: Collection[str], netwo
         return f"The report names {record.trafficway_1}{elsewhere}; the road there is {called}."
     if is_town_street_for_interstate(record, road):
         return f"The report is of an interstate; the road there is {called} ({road.highway})."
-    if is_on_ramp(record) and not road.highway.endswith("_link") and _has_ramp_near(network):
+    if is_on_ramp(record) and not road.is_ramp and _has_ramp_near(network):
         return (
             f"The report is of a ramp, and the map has one within {_RAMPS_WITHIN_M:.0f} m; the road there is {called}."
         )
@@ -223,4 +223,4 @@ def _has_other_name(record: CrashRecord, names: Collection[str]) -> bool:
 def _has_ramp_near(network: RoadNetwork) -> bool:
     """Return whether a ramp is near the reported point, which is the origin of the network's frame."""
     matches = network.nearest_lanes(0.0, 0.0, _RAMPS_WITHIN_M)
-    return any(network.road_by_id[match.lane.road_id].highway.endswith("_link") for match in matches)
+    return any(network.road_by_id[match.lane.road_id].is_ramp for match in matches)

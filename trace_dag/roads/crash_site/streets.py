@@ -66,10 +66,7 @@ def joined_by(network: RoadNetwork, connecting: Road) -> tuple[Road, ...]:
     >>> through.turn, [road.name for road in joined_by(network, through)]
     ('straight', ['Main Street', 'Main Street'])
     """
-    links = (connecting.predecessor, connecting.successor)
-    return tuple(
-        network.road_by_id[link.element_id] for link in links if link is not None and link.element_type == "road"
-    )
+    return tuple(network.road_by_id[road_id] for road_id in connecting.linked_roads)
 
 
 def near_streets(network: RoadNetwork, record: CrashRecord) -> tuple[NearStreet, ...]:
@@ -201,7 +198,7 @@ def _opposite(network: RoadNetwork, road: Road, x_m: float, y_m: float, heading_
         other = network.road_by_id[match.lane.road_id]
         if other.id == road.id or other.junction_id is not None or other.highway in SERVICE_HIGHWAYS:
             continue
-        if not other.one_way or other.highway.endswith("_link") != road.highway.endswith("_link"):
+        if not other.one_way or other.is_ramp != road.is_ramp:
             continue
         if road.names and other.names and not set(road.names) & set(other.names):
             continue

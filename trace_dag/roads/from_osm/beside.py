@@ -22,10 +22,10 @@ from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.from_osm.carriageways import Carriageways
 from trace_dag.roads.from_osm.lanes import LEGAL_EDGE, NOT_CROSSED
 from trace_dag.roads.from_osm.street_graph import StreetGraph
-from trace_dag.roads.from_osm.street_roads import StreetRoads
+from trace_dag.roads.from_osm.street_roads import BuiltStreets, StreetRoads
 from trace_dag.roads.from_osm.strips import STEP_M, Strip, Strips, shoulders_along, strips_along
 from trace_dag.roads.map.cubic_profile import CubicProfile
-from trace_dag.roads.map.curves import PlanView, along_arcs
+from trace_dag.roads.map.curves import along_arcs
 from trace_dag.roads.map.model import Cubic, Lane, LaneType, Road
 
 _END_M: Final = 1.0  # length over which a sidewalk begins and ends
@@ -40,27 +40,19 @@ _TO_JUNCTION_M: Final = 8.0  # a strip that ends this near to a junction goes on
 
 
 def add_lanes_beside(
-    roads: Sequence[Road],
-    extract: OsmExtract,
-    graph: StreetGraph,
-    plans: Sequence[PlanView],
-    built: Mapping[int, StreetRoads],
-    carriageways: Carriageways,
+    roads: Sequence[Road], extract: OsmExtract, graph: StreetGraph, built: BuiltStreets, carriageways: Carriageways
 ) -> tuple[Road, ...]:
     """Return ``roads``, finished, with sidewalks, cycle lanes and usual shoulders beside them.
 
-    ``built`` has the roads of each street before heights and links; ``carriageways`` are those of ``roads``.
+    ``carriageways`` are those of ``roads``.
     """
-    strips = strips_along(extract, graph, plans, built)
-    for index, found in shoulders_along(extract, graph.streets, plans, built, strips).items():
+    strips = strips_along(extract, graph, built)
+    for index, found in shoulders_along(extract, built, strips).items():
         strips.setdefault(index, []).extend(found)
     if not strips:
         return tuple(roads)
     by_id = {road.id: road for road in roads}
-    chains = {
-        index: _Chain(plans[index], [by_id[road.id] for road in built[index].roads], built[index].begins_m)
-        for index in strips
-    }
+    chains = {index: _Chain(built[index], by_id) for index in strips}
     changed: dict[str, Road] = {}
     for index, clear in _clear_of_roads(strips, chains, carriageways).items():
         changed |= {road.id: road for road in chains[index].with_strips(clear)}
@@ -80,21 +72,21 @@ class _Piece(NamedTuple):
 class _Chain:
     """The roads of one street, one after the other."""
 
-    def __init__(self, plan: PlanView, roads: Sequence[Road], begins_m: Sequence[float]) -> None:
-        self.roads = roads
-        self.begin_m, self.end_m = begins_m[0], begins_m[-1] + roads[-1].length_m
-        self.level = roads[0].level
+    def __init__(self, made: StreetRoads, finished: Mapping[str, Road]) -> None:
+        self.roads = [finished[road.id] for road in made.roads]
+        self.begin_m, self.end_m = made.begins_m[0], made.begins_m[-1] + self.roads[-1].length_m
+        self.level = self.roads[0].level
         self._pieces: list[_Piece] = []
         self._offsets: dict[str, CubicProfile] = {}
         self._edges: dict[tuple[int, int, bool], CubicProfile] = {}  # by piece, side, and whether to drive in
-        for road, start_m in zip(roads, begins_m, strict=True):
+        for road, start_m in zip(self.roads, made.begins_m, strict=True):
             self._offsets[road.id] = CubicProfile.of(road.lane_offset, origin_m=start_m)
             ends = [*(section.s_m for section in road.lane_sections[1:]), road.length_m]
             for number, (section, end_m) in enumerate(zip(road.lane_sections, ends, strict=True)):
                 self._pieces.append(_Piece(road, number, start_m + section.s_m, start_m + end_m))
 
         self._piece_ends_m = np.array([piece.end_m for piece in self._pieces])
-        self._elements = np.array([(e.s_m, e.x_m, e.y_m, e.heading_rad, e.curvature_1pm) for e in plan.elements]).T
+        self._elements = np.array([(e.s_m, e.x_m, e.y_m, e.heading_rad, e.curvature_1pm) for e in made.plan.elements]).T
 
     def edges_m(self, s_m: FloatArray, side: int, *, drivable: bool) -> FloatArray:
         """Return the distance of the edge of one side's lanes, or of its drivable lanes, from the street's plan."""
@@ -332,8 +324,7 @@ def _clear_of_roads(strips: Strips, chains: Mapping[int, _Chain], carriageways: 
 
 def _leaves(road: Road, street: Collection[str]) -> bool:
     """Return whether a road of a junction ends at the sidewalks of a street's roads."""
-    ends = (road.predecessor, road.successor)
-    return road.junction_id is not None and any(link is not None and link.element_id in street for link in ends)
+    return road.junction_id is not None and any(road_id in street for road_id in road.linked_roads)
 
 
 def _free_runs(blocked: NDArray[np.bool_]) -> list[NDArray[np.int_]]:

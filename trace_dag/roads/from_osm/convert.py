@@ -27,7 +27,7 @@ from trace_dag.common.messages.wording import count_of
 from trace_dag.common.settings import RoadSettings
 from trace_dag.osm.road_classes import road_class
 from trace_dag.osm.types import OsmExtract, OsmWay
-from trace_dag.roads.from_osm.arm_cuts import end_profile
+from trace_dag.roads.from_osm.arm_cuts import StreetEnd, end_profile
 from trace_dag.roads.from_osm.beside import add_lanes_beside
 from trace_dag.roads.from_osm.carriageways import Carriageways
 from trace_dag.roads.from_osm.connecting_roads import build_connections
@@ -133,7 +133,7 @@ def convert(
     links: dict[tuple[int, bool], str] = {}
     crossings: list[tuple[JunctionArea, list[Movement]]] = []
     for area in (*layout.junctions, *(JunctionArea([each.node_id], [end]) for end, each in circles.items())):
-        arms = _arms(area, streets, plans, layout, built)
+        arms = [_arm(built[end.street], end, layout) for end in area.ends]
         inner = [_inner_way(streets[i], plans[i]) for i in area.inner_streets]
         movements = find_movements(arms, inner, restrictions)
         if len(arms) == 1 and (circle := circles.get(area.ends[0])):
@@ -153,7 +153,7 @@ def convert(
         for end, arm in zip(area.ends, arms, strict=True):
             if (arm.road_id, arm.contact) in used:
                 links[end.street, end.at_start] = junction_id
-    signs = place_signs(extract, graph, plans, built, crossings)
+    signs = place_signs(extract, graph, built, crossings)
     linked: list[Road] = []
     for index, street_roads in built.items():
         for road in _linked(street_roads.roads, links.get((index, True)), links.get((index, False))):
@@ -170,9 +170,9 @@ def convert(
         network = elevate(network, extract)
     # Last, so that no lane for traffic depends on what is mapped for people.
     carriageways = Carriageways(network.roads)
-    roads_out = add_lanes_beside(network.roads, extract, graph, plans, built, carriageways)
-    roads_out = add_crosswalks(roads_out, extract, graph, plans, built)
-    network = replace(network, roads=add_objects(roads_out, extract, graph, plans, built))
+    roads_out = add_lanes_beside(network.roads, extract, graph, built, carriageways)
+    roads_out = add_crosswalks(roads_out, extract, graph, built)
+    network = replace(network, roads=add_objects(roads_out, extract, graph, built))
     return add_lanes_through_junctions(network, carriageways, new_id)
 
 
@@ -227,25 +227,19 @@ def _linked(roads: list[Road], start_junction: str | None, end_junction: str | N
     return linked
 
 
-def _arms(
-    area: JunctionArea, streets: list[Street], plans: list[PlanView], layout: Layout, built: dict[int, StreetRoads]
-) -> list[JunctionArm]:
-    arms = []
-    for end in area.ends:
-        street, plan = streets[end.street], plans[end.street]
-        trim = layout.trims[end.street][0 if end.at_start else 1]
-        made = built[end.street]
-        if end.at_start:
-            begin_m, end_m = 0.0, trim
-            rest = reverse_plan(cut_plan(plan, begin_m, end_m))
-            road, contact, lanes, node = made.roads[0], ContactPoint.START, made.start_lanes, street.node_ids[0]
-        else:
-            begin_m, end_m = plan.length_m - trim, plan.length_m
-            rest = cut_plan(plan, begin_m, end_m)
-            road, contact, lanes, node = made.roads[-1], ContactPoint.END, made.end_lanes, street.node_ids[-1]
-        profile, cut_off = end_profile(street, end.at_start), ways_between(street, plan, begin_m, end_m)
-        arms.append(make_arm(road.id, contact, node, profile, plan_pose(rest, 0.0), rest, lanes, cut_off))
-    return arms
+def _arm(made: StreetRoads, end: StreetEnd, layout: Layout) -> JunctionArm:
+    street, plan = made.street, made.plan
+    trim = layout.trims[end.street][0 if end.at_start else 1]
+    if end.at_start:
+        begin_m, end_m = 0.0, trim
+        rest = reverse_plan(cut_plan(plan, begin_m, end_m))
+        road, contact, lanes, node = made.roads[0], ContactPoint.START, made.start_lanes, street.node_ids[0]
+    else:
+        begin_m, end_m = plan.length_m - trim, plan.length_m
+        rest = cut_plan(plan, begin_m, end_m)
+        road, contact, lanes, node = made.roads[-1], ContactPoint.END, made.end_lanes, street.node_ids[-1]
+    profile, cut_off = end_profile(street, end.at_start), ways_between(street, plan, begin_m, end_m)
+    return make_arm(road.id, contact, node, profile, plan_pose(rest, 0.0), rest, lanes, cut_off)
 
 
 def _inner_way(street: Street, plan: PlanView) -> InnerWay:

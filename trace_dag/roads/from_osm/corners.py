@@ -110,7 +110,7 @@ def _arms(roads: Sequence[Road]) -> dict[str, list[_Arm]]:
     """Return the ends that have a sidewalk or cycle lane, by junction."""
     arms: dict[str, list[_Arm]] = defaultdict(list)
     for road in roads:
-        for link, contact in ((road.predecessor, ContactPoint.START), (road.successor, ContactPoint.END)):
+        for contact, _, link in road.ends:
             if road.junction_id is None and link is not None and link.element_type == "junction":
                 beside = _beside(road, contact)
                 if beside:

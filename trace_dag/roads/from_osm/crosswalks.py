@@ -20,7 +20,7 @@ from trace_dag.common.geometry import arc_lengths
 from trace_dag.osm.road_classes import is_crossing
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.from_osm.street_graph import Street, StreetGraph
-from trace_dag.roads.from_osm.street_roads import StreetRoads
+from trace_dag.roads.from_osm.street_roads import BuiltStreets
 from trace_dag.roads.from_osm.tag_values import parse_length_m
 from trace_dag.roads.map.cubic_profile import CubicProfile
 from trace_dag.roads.map.curves import PlanView, Point, plan_pose
@@ -46,58 +46,47 @@ class _Crossing:
 
 
 def add_crosswalks(
-    roads: Sequence[Road],
-    extract: OsmExtract,
-    graph: StreetGraph,
-    plans: Sequence[PlanView],
-    built: Mapping[int, StreetRoads],
+    roads: Sequence[Road], extract: OsmExtract, graph: StreetGraph, built: BuiltStreets
 ) -> tuple[Road, ...]:
     """Return ``roads``, finished, with OpenStreetMap's crosswalks.
 
-    ``built`` has the roads of each street before heights and links.
-
-    >>> roads = add_crosswalks(bare_roads, extract, street_graph, plans, street_roads)
+    >>> roads = add_crosswalks(bare_roads, extract, street_graph, street_roads)
     >>> [len(road.crosswalks) for road in roads if road.crosswalks]
     [1]
     """
-    crossings = _at_nodes(extract, graph, plans, built)
-    _add_ways(crossings, extract, graph, plans, built)
+    crossings = _at_nodes(extract, graph, built)
+    _add_ways(crossings, extract, graph, built)
     by_id = {road.id: road for road in roads}
     made: dict[str, list[Crosswalk]] = defaultdict(list)
     ids = count()
     for crossing in sorted(crossings, key=lambda each: (each.street, each.s_m)):
         if crossing.tags.get("crossing") == "no":
             continue
-        of_street = built[crossing.street]
-        number = max((k for k, begin_m in enumerate(of_street.begins_m) if begin_m <= crossing.s_m), default=0)
-        road = by_id[of_street.roads[number].id]
-        crosswalk = _crosswalk(crossing, plans[crossing.street], road, of_street.begins_m[number], str(next(ids)))
+        bare, begin_m = built[crossing.street].road_at(crossing.s_m)
+        road = by_id[bare.id]
+        crosswalk = _crosswalk(crossing, built[crossing.street].plan, road, begin_m, str(next(ids)))
         if crosswalk is not None:
             made[road.id].append(crosswalk)
     return tuple(replace(road, crosswalks=tuple(made[road.id])) if road.id in made else road for road in roads)
 
 
-def _at_nodes(
-    extract: OsmExtract, graph: StreetGraph, plans: Sequence[PlanView], built: Mapping[int, StreetRoads]
-) -> list[_Crossing]:
+def _at_nodes(extract: OsmExtract, graph: StreetGraph, built: BuiltStreets) -> list[_Crossing]:
     """Return crossings that are nodes of a street.
 
     Those on a junction are left out, because the arm that they cross is unknown.
     """
-    tagged = {
-        graph.aliases.get(node.id, node.id): node
+    tagged = graph.nodes_by_place(
+        node
         for node in extract.nodes.values()
         if node.tags.get("highway") == "crossing"
         or ("crossing" in node.tags and node.tags.get("highway") == "traffic_signals")
-    }
-    found = []
-    for index in built:
-        street = graph.streets[index]
-        for number, node_id in enumerate(street.node_ids):
-            if node_id in tagged and not _is_junction(street, number):
-                node = tagged[node_id]
-                found.append(_Crossing(index, plans[index].vertex_s_m[number], node.id, tags=dict(node.tags)))
-    return found
+    )
+    return [
+        _Crossing(index, made.plan.vertex_s_m[number], node.id, tags=dict(node.tags))
+        for index, made in built.items()
+        for number, node_id in enumerate(made.street.node_ids)
+        if (node := tagged.get(node_id)) is not None and not _is_junction(made.street, number)
+    ]
 
 
 def _is_junction(street: Street, number: int) -> bool:
@@ -105,19 +94,13 @@ def _is_junction(street: Street, number: int) -> bool:
     return (at_start and street.start_node is not None) or (at_end and street.end_node is not None)
 
 
-def _add_ways(
-    crossings: list[_Crossing],
-    extract: OsmExtract,
-    graph: StreetGraph,
-    plans: Sequence[PlanView],
-    built: Mapping[int, StreetRoads],
-) -> None:
+def _add_ways(crossings: list[_Crossing], extract: OsmExtract, graph: StreetGraph, built: BuiltStreets) -> None:
     """Add the ways of crossings: they give directions to crossings with nodes, and add crossings without."""
     ways = [way for way in extract.walkways if is_crossing(way.tags)]
-    numbers = [index for index in built if len(set(graph.streets[index].points)) > 1]
+    numbers = [index for index, made in built.items() if len(set(made.street.points)) > 1]
     if not ways or not numbers:
         return
-    tree = shapely.STRtree([shapely.LineString(graph.streets[index].points) for index in numbers])
+    tree = shapely.STRtree([shapely.LineString(built[index].street.points) for index in numbers])
     of_street: dict[int, list[_Crossing]] = defaultdict(list)
     for crossing in crossings:
         of_street[crossing.street].append(crossing)
@@ -128,20 +111,17 @@ def _add_ways(
             if piece.length < 1e-6:
                 continue
             for hit in tree.query(piece, predicate="intersects").tolist():
-                index = numbers[hit]
+                index, street = numbers[hit], built[numbers[hit]].street
                 place = shapely.get_coordinates(tree.geometries[hit].intersection(piece))
-                if not len(place) or _other_level(graph.streets[index], way.tags):
+                if not len(place) or _other_level(street, way.tags):
                     continue
-                line = np.array(graph.streets[index].points)
                 along_m = float(shapely.line_locate_point(tree.geometries[hit], shapely.Point(place[0])))
-                s_m = float(np.interp(along_m, arc_lengths(line), plans[index].vertex_s_m))
+                s_m = float(np.interp(along_m, arc_lengths(np.array(street.points)), built[index].plan.vertex_s_m))
                 direction = ((two[0] - one[0]) / piece.length, (two[1] - one[1]) / piece.length)
                 known = next((c for c in of_street[index] if abs(c.s_m - s_m) <= _SAME_M), None)
                 if known is None:
-                    node_id = next((i for i in ids if i in graph.streets[index].node_ids and i > 0), None)
-                    if node_id is not None and _is_junction(
-                        graph.streets[index], graph.streets[index].node_ids.index(node_id)
-                    ):
+                    node_id = next((i for i in ids if i in street.node_ids and i > 0), None)
+                    if node_id is not None and _is_junction(street, street.node_ids.index(node_id)):
                         continue
                     known = _Crossing(index, s_m, node_id)
                     crossings.append(known)
@@ -192,7 +172,7 @@ def _crosswalk(crossing: _Crossing, plan: PlanView, road: Road, begin_m: float, 
 
 def edges_of_carriageway(road: Road, s_m: float) -> tuple[float, float]:
     """Return the right and left edge of the carriageway at a crosswalk, metres left of the reference line."""
-    section = max((s for s in road.lane_sections if s.s_m <= s_m), key=lambda s: s.s_m, default=road.lane_sections[0])
+    section = road.lane_sections[road.section_at(s_m)]
     middle_m = CubicProfile.of(road.lane_offset).at(s_m)
     reach = {1: 0.0, -1: 0.0}
     for lane in section.lanes:

@@ -58,7 +58,7 @@ class HeightGraph:
         nodes = [self._end(road, True), *inner, self._end(road, False)]
         self.profiles[road.id] = HeightProfile(road, list(stations), nodes)
         # Lengths are divided by what the road may be steeper, so that one grade holds for all.
-        factor = _RAMP_FACTOR if _is_minor(road) else 1.0
+        factor = _RAMP_FACTOR if road.is_ramp or road.highway == "service" else 1.0
         for (a, s_a), (b, s_b) in pairwise(zip(nodes, stations, strict=True)):
             self.edges[a].append((b, (s_b - s_a) * factor))
             self.edges[b].append((a, (s_b - s_a) * factor))
@@ -111,11 +111,6 @@ class HeightGraph:
                 if candidate < lowest[other]:
                     heapq.heappush(queue, (candidate, other))
         return lowest
-
-
-def _is_minor(road: Road) -> bool:
-    """Return ramps, driveways and other service roads."""
-    return road.highway.endswith("_link") or road.highway == "service"
 
 
 # --- heights of the ground as tagged ---------------------------------------------------------------------------------

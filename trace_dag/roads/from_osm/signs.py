@@ -19,10 +19,10 @@ from trace_dag.osm.types import OsmExtract, OsmNode
 from trace_dag.roads.from_osm.junction_areas import JunctionArea
 from trace_dag.roads.from_osm.movements import JunctionArm, Movement
 from trace_dag.roads.from_osm.street_graph import Street, StreetGraph
-from trace_dag.roads.from_osm.street_roads import StreetRoads
+from trace_dag.roads.from_osm.street_roads import BuiltStreets, StreetRoads
 from trace_dag.roads.from_osm.tags import WayProfile
 from trace_dag.roads.map.cubic_profile import CubicProfile
-from trace_dag.roads.map.curves import PlanView, Point
+from trace_dag.roads.map.curves import Point
 from trace_dag.roads.map.model import ContactPoint, Road, Signal
 
 _APPROACH_M: Final = 60.0  # a node farther than this from a junction stands by itself (a pedestrian crossing)
@@ -88,11 +88,8 @@ def _controls(extract: OsmExtract, graph: StreetGraph) -> dict[int, _Control]:
     Lights of a pedestrian crossing count if no other light is near, since lights for people imply lights for the road
     (MUTCD 2009, 4E.03).
     """
-    found = {
-        graph.aliases.get(node.id, node.id): _Control(name, node)
-        for node in extract.nodes.values()
-        if (name := _control_of(node.tags))
-    }
+    controlling = graph.nodes_by_place(node for node in extract.nodes.values() if _control_of(node.tags))
+    found = {node_id: _Control(_control_of(node.tags), node) for node_id, node in controlling.items()}
     places = graph.positions
     lights = [places[i] for i, each in found.items() if each.name == "traffic_signals" and i in places]
     return {
@@ -115,15 +112,14 @@ class _Post:
 def place_signs(
     extract: OsmExtract,
     graph: StreetGraph,
-    plans: Sequence[PlanView],
-    built: Mapping[int, StreetRoads],
+    built: BuiltStreets,
     crossings: Sequence[tuple[JunctionArea, list[Movement]]],
 ) -> dict[str, tuple[Signal, ...]]:
     """Return signals by road id.
 
     ``crossings`` are the junctions with their permitted movements.
 
-    >>> signs = place_signs(extract, street_graph, plans, street_roads, [])
+    >>> signs = place_signs(extract, street_graph, street_roads, [])
     >>> sorted({signal.name for signals in signs.values() for signal in signals})
     ['Signal', 'SpeedLimit_25', 'SpeedLimit_30', 'SpeedLimit_35', 'Stop']
     """
@@ -136,16 +132,16 @@ def place_signs(
     def place(post: _Post, kind: _Kind, node_id: int | None, value: float | None = None) -> None:
         placed[post.road.id].append(_signal(str(next(ids)), post, kind, node_id, value))
 
-    inside = _junction_nodes(streets, crossings) if controls else set()
-    for index, street_roads in built.items() if controls else ():
-        for post, control in _approach_posts(streets[index], plans[index], street_roads, controls, inside):
+    inside = {node for area, _ in crossings for node in _nodes_of(area, streets)}
+    for made in built.values():
+        for post, control in _approach_posts(made, controls, inside):
             key = (post.road.id, post.forward, control.kind.type)
             if key not in served or control.name in _ONE_PLACE:
                 served.add(key)
                 place(post, control.kind, control.node.id)
                 if control.name == "level_crossing_lights":
                     place(post, _KINDS["level_crossing"], control.node.id)
-    roads = {road.id: road for street_roads in built.values() for road in street_roads.roads}
+    roads = {road.id: road for made in built.values() for road in made.roads}
 
     def place_at_arm(arm: JunctionArm, kind: _Kind, node_id: int | None) -> None:
         forward = arm.contact == ContactPoint.END
@@ -164,8 +160,8 @@ def place_signs(
             forward = arm.contact == ContactPoint.END
             if not any((arm.road_id, forward, _KINDS[name].type) in served for name in ("traffic_signals", "stop")):
                 place_at_arm(arm, _KINDS["give_way"], None)
-    for street_roads in built.values():
-        for post, limit_mps in _limit_posts(street_roads.roads):
+    for made in built.values():
+        for post, limit_mps in _limit_posts(made.roads):
             place(post, _LIMIT_KIND, None, limit_mps)
     return {road_id: tuple(signals) for road_id, signals in placed.items()}
 
@@ -175,18 +171,11 @@ def _nodes_of(area: JunctionArea, streets: Sequence[Street]) -> set[int]:
     return {*area.node_ids, *(node for index in area.inner_streets for node in streets[index].node_ids)}
 
 
-def _junction_nodes(streets: Sequence[Street], crossings: Sequence[tuple[JunctionArea, list[Movement]]]) -> set[int]:
-    return {node for area, _ in crossings for node in _nodes_of(area, streets)}
-
-
 def _approach_posts(
-    street: Street,
-    plan: PlanView,
-    street_roads: StreetRoads,
-    controls: Mapping[int, _Control],
-    inside: set[int],
+    made: StreetRoads, controls: Mapping[int, _Control], inside: set[int]
 ) -> Iterator[tuple[_Post, _Control]]:
     """Yield posts of the tagged nodes along a street outside junctions."""
+    street, plan = made.street, made.plan
     for k, node_id in enumerate(street.node_ids):
         control = controls.get(node_id)
         if control is None or node_id in inside:
@@ -196,7 +185,7 @@ def _approach_posts(
         to_end = plan.length_m - s if street.end_node is not None else None
         to_start = s if street.start_node is not None else None
         for forward in _directions(control, span.profile, to_start, to_end):
-            yield _post_at(street_roads, s, forward), control
+            yield _post_at(made, s, forward), control
 
 
 def _directions(
@@ -225,12 +214,11 @@ def _directions(
     return (True, False)
 
 
-def _post_at(street_roads: StreetRoads, s_m: float, forward: bool) -> _Post:
+def _post_at(made: StreetRoads, s_m: float, forward: bool) -> _Post:
     """Return a post at ``s_m`` of a street, moved to the stop line if the street is cut off before."""
-    number = max((i for i, begin in enumerate(street_roads.begins_m) if begin <= s_m), default=0)
-    road = street_roads.roads[number]
+    road, begin_m = made.road_at(s_m)
     least = min(_STOP_LINE_M, road.length_m / 2)
-    return _Post(road, min(max(s_m - street_roads.begins_m[number], least), road.length_m - least), forward)
+    return _Post(road, min(max(s_m - begin_m, least), road.length_m - least), forward)
 
 
 def _arm_controls(

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final
@@ -19,7 +19,7 @@ import numpy as np
 
 from trace_dag.common.geometry import LocalFrame
 from trace_dag.osm.road_classes import blocks_cars, is_drivable
-from trace_dag.osm.types import OsmExtract, OsmWay
+from trace_dag.osm.types import OsmExtract, OsmNode, OsmWay
 from trace_dag.roads.from_osm.tags import WayProfile
 from trace_dag.roads.map.curves import Point
 
@@ -63,6 +63,10 @@ class StreetGraph:
     streets: list[Street]
     positions: dict[int, Point]
     aliases: dict[int, int] = field(default_factory=dict)
+
+    def nodes_by_place(self, nodes: Iterable[OsmNode]) -> dict[int, OsmNode]:
+        """Return nodes by the node into which each was merged, or by their own ids."""
+        return {self.aliases.get(node.id, node.id): node for node in nodes}
 
 
 @dataclass
@@ -258,28 +262,19 @@ def _chain(edges: list[_Edge], arms: dict[int, int], positions: dict[int, Point]
         ends[edge.node_ids[-1]].append(index)
     used = [False] * len(edges)
 
-    def following(last: _Edge) -> _Edge | None:
-        node = last.node_ids[-1]
+    def next_to(edge: _Edge, *, ahead: bool) -> _Edge | None:
+        """Return the edge that continues one ahead, or leads to it from behind."""
+        inward, node = edge.node_ids[-2:] if ahead else edge.node_ids[1::-1]
         for number in ends[node] if arms[node] == 2 else ():
-            edge = edges[number]
-            if used[number] or (edge.node_ids[0] != node and edge.profile.oneway):
+            other = edges[number]
+            is_along = other.node_ids[0 if ahead else -1] == node
+            if used[number] or (other.profile.oneway and not is_along):
                 continue
-            edge = edge if edge.node_ids[0] == node else _turned(edge)
-            if _bend(positions[last.node_ids[-2]], positions[node], positions[edge.node_ids[1]]) <= _SAME_ROAD_RAD:
+            other = other if is_along else _Edge(other.profile.reversed(), other.node_ids[::-1])
+            beyond = other.node_ids[1 if ahead else -2]
+            if _bend(positions[inward], positions[node], positions[beyond]) <= _SAME_ROAD_RAD:
                 used[number] = True
-                return edge
-        return None
-
-    def preceding(first: _Edge) -> _Edge | None:
-        node = first.node_ids[0]
-        for number in ends[node] if arms[node] == 2 else ():
-            edge = edges[number]
-            if used[number] or (edge.node_ids[-1] != node and edge.profile.oneway):
-                continue
-            edge = edge if edge.node_ids[-1] == node else _turned(edge)
-            if _bend(positions[edge.node_ids[-2]], positions[node], positions[first.node_ids[1]]) <= _SAME_ROAD_RAD:
-                used[number] = True
-                return edge
+                return other
         return None
 
     streets: list[Street] = []
@@ -288,16 +283,12 @@ def _chain(edges: list[_Edge], arms: dict[int, int], positions: dict[int, Point]
             continue
         used[index] = True
         chain = [edges[index]]
-        while (after := following(chain[-1])) is not None:
+        while (after := next_to(chain[-1], ahead=True)) is not None:
             chain.append(after)
-        while (before := preceding(chain[0])) is not None:
+        while (before := next_to(chain[0], ahead=False)) is not None:
             chain.insert(0, before)
         streets.append(_street(chain, arms, positions))
     return streets
-
-
-def _turned(edge: _Edge) -> _Edge:
-    return _Edge(edge.profile.reversed(), edge.node_ids[::-1])
 
 
 def _bend(before: Point, at: Point, after: Point) -> float:

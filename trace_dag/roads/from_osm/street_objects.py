@@ -18,7 +18,7 @@ from trace_dag.roads.from_osm.crosswalks import edges_of_carriageway
 from trace_dag.roads.from_osm.junction_areas import Layout
 from trace_dag.roads.from_osm.movements import JunctionArm, Movement
 from trace_dag.roads.from_osm.street_graph import Street, StreetGraph
-from trace_dag.roads.from_osm.street_roads import StreetRoads
+from trace_dag.roads.from_osm.street_roads import BuiltStreets
 from trace_dag.roads.from_osm.tag_values import parse_length_m
 from trace_dag.roads.from_osm.turn_curves import TIGHTEST_RADIUS_M
 from trace_dag.roads.map.curves import PlanView
@@ -34,29 +34,23 @@ _STEP_M: Final = 0.5
 
 
 def add_objects(
-    roads: Sequence[Road],
-    extract: OsmExtract,
-    graph: StreetGraph,
-    plans: Sequence[PlanView],
-    built: Mapping[int, StreetRoads],
+    roads: Sequence[Road], extract: OsmExtract, graph: StreetGraph, built: BuiltStreets
 ) -> tuple[Road, ...]:
     """Return ``roads``, finished, with the objects at nodes of their streets.
 
-    >>> sum(len(road.objects) for road in add_objects(bare_roads, extract, street_graph, plans, street_roads))
+    >>> sum(len(road.objects) for road in add_objects(bare_roads, extract, street_graph, street_roads))
     0
     """
     by_id = {road.id: road for road in roads}
     made: dict[str, list[RoadObject]] = defaultdict(list)
     ids = count(sum(len(road.crosswalks) for road in roads))  # after those of the crosswalks
-    tagged = {graph.aliases.get(node.id, node.id): node for node in extract.nodes.values() if node.tags}
-    for index, of_street in built.items():
-        for number, node_id in enumerate(graph.streets[index].node_ids):
+    tagged = graph.nodes_by_place(node for node in extract.nodes.values() if node.tags)
+    for made_of in built.values():
+        for node_id, s_m in zip(made_of.street.node_ids, made_of.plan.vertex_s_m, strict=True):
             if node_id not in tagged:
                 continue
-            s_m = plans[index].vertex_s_m[number]
-            k = max((k for k, begin_m in enumerate(of_street.begins_m) if begin_m <= s_m), default=0)
-            road = by_id[of_street.roads[k].id]
-            at_m = s_m - of_street.begins_m[k]
+            bare, begin_m = made_of.road_at(s_m)
+            road, at_m = by_id[bare.id], s_m - begin_m
             place_m = min(max(at_m, 0.0), road.length_m)  # a road that a junction cuts back ends before its node
             for kind, name, outline, height_m in _things(tagged[node_id].tags, road, place_m):
                 moved = tuple((u + at_m - place_m, v) for u, v in outline)
@@ -109,11 +103,9 @@ def cut_turning_circles(
     extract: OsmExtract, graph: StreetGraph, plans: Sequence[PlanView], layout: Layout
 ) -> dict[StreetEnd, TurningCircle]:
     """Return the dead ends with a circle, and cut their streets in ``layout`` back to the beginning of the circle."""
-    tagged = {
-        graph.aliases.get(node.id, node.id): node
-        for node in extract.nodes.values()
-        if node.tags.get("highway") in ("turning_circle", "turning_loop")
-    }
+    tagged = graph.nodes_by_place(
+        node for node in extract.nodes.values() if node.tags.get("highway") in ("turning_circle", "turning_loop")
+    )
     found = {}
     for index, street in enumerate(graph.streets):
         for at_start in (True, False):

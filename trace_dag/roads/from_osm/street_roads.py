@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Final
+from typing import Final, TypeAlias
 
 from trace_dag.roads.from_osm.lanes import EndLane, SectionLanes, Stretch, build_sections
-from trace_dag.roads.from_osm.street_graph import Street
+from trace_dag.roads.from_osm.street_graph import Span, Street
 from trace_dag.roads.map.curves import PlanView, cut_plan, drop_slivers
 from trace_dag.roads.map.model import Cubic, Road
 
@@ -24,12 +24,27 @@ _TAPER_RATIO: Final = 5.0  # the same where there is room
 
 @dataclass
 class StreetRoads:
-    """Roads made of one street, with their first stations along the street's plan, and the lanes at its ends."""
+    """A street, its plan, the roads made of it with their first stations along the plan, and the lanes at its ends."""
 
+    street: Street
+    plan: PlanView
     roads: list[Road]
     begins_m: list[float]
     start_lanes: tuple[EndLane, ...]
     end_lanes: tuple[EndLane, ...]
+
+    def road_at(self, s_m: float) -> tuple[Road, float]:
+        """Return the road at a station of the plan, and the station at which that road begins."""
+        number = max((k for k, begin_m in enumerate(self.begins_m) if begin_m <= s_m), default=0)
+        return self.roads[number], self.begins_m[number]
+
+    def span_m(self, span: Span) -> tuple[float, float]:
+        """Return the stations of the plan at which a span of the street begins and ends."""
+        return self.plan.vertex_s_m[span.first], self.plan.vertex_s_m[span.last]
+
+
+BuiltStreets: TypeAlias = Mapping[int, StreetRoads]
+"""The streets that have roads, by their number in the graph; the roads have no heights and links yet."""
 
 
 def build_street_roads(
@@ -59,7 +74,7 @@ def build_street_roads(
             roads.append(_road(new_id(), plan, [sections[k] for k in group], way_ids))
             begins.append(merged[group[0]].begin_m)
             group = []
-    return StreetRoads(roads, begins, sections[0].start, sections[-1].end)
+    return StreetRoads(street, plan, roads, begins, sections[0].start, sections[-1].end)
 
 
 def _halve_longest(stretches: list[Stretch]) -> int:

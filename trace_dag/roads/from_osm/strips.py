@@ -23,11 +23,10 @@ from numpy.typing import NDArray
 from trace_dag.common.geometry import FloatArray, arc_lengths
 from trace_dag.osm.road_classes import is_crossing, is_high_speed, usual_shoulder_m
 from trace_dag.osm.types import OsmExtract
-from trace_dag.roads.from_osm.street_graph import Street, StreetGraph
-from trace_dag.roads.from_osm.street_roads import StreetRoads
+from trace_dag.roads.from_osm.street_graph import StreetGraph
+from trace_dag.roads.from_osm.street_roads import BuiltStreets, StreetRoads
 from trace_dag.roads.from_osm.tag_values import NOTHING, SIDEWALK_WIDTH_M, Beside, read_beside
 from trace_dag.roads.from_osm.tags import WayProfile
-from trace_dag.roads.map.curves import PlanView
 from trace_dag.roads.map.model import LaneType
 
 STEP_M: Final = 4.0  # distance between places at which a sidewalk is compared with the roads
@@ -59,37 +58,33 @@ class Strip(NamedTuple):
 Strips = dict[int, list[Strip]]  # by street
 
 
-def strips_along(
-    extract: OsmExtract, graph: StreetGraph, plans: Sequence[PlanView], built: Mapping[int, StreetRoads]
-) -> Strips:
-    """Return every sidewalk and cycle lane along the streets that have roads, ``built``.
+def strips_along(extract: OsmExtract, graph: StreetGraph, built: BuiltStreets) -> Strips:
+    """Return every sidewalk and cycle lane along the streets.
 
-    >>> strips = strips_along(extract, street_graph, plans, street_roads)
+    >>> strips = strips_along(extract, street_graph, street_roads)
     >>> {strip.type.value for found in strips.values() for strip in found}
     {'sidewalk'}
     """
-    strips = _tagged(extract, graph.streets, plans, built)
-    for street, found in _mapped_sidewalks(extract, graph, plans, built, strips).items():
+    strips = _tagged(extract, built)
+    for street, found in _mapped_sidewalks(extract, graph, built, strips).items():
         strips.setdefault(street, []).extend(found)
     return strips
 
 
-def _tagged(
-    extract: OsmExtract, streets: Sequence[Street], plans: Sequence[PlanView], built: Mapping[int, StreetRoads]
-) -> Strips:
+def _tagged(extract: OsmExtract, built: BuiltStreets) -> Strips:
     """Return the strips in the tags of roads."""
     tags_of = {way.id: way.tags for way in extract.ways}
     said: dict[int, Beside] = {}
     strips: Strips = {}
-    for index in built:
-        for span in streets[index].spans:
+    for index, made in built.items():
+        for span in made.street.spans:
             way_id = span.profile.way_id
             if way_id not in said:
                 said[way_id] = read_beside(tags_of.get(way_id, {}), oneway=span.profile.oneway)
             beside = said[way_id].reversed() if span.profile.against_way else said[way_id]
             if beside == NOTHING:
                 continue
-            begin_m, end_m = (plans[index].vertex_s_m[k] for k in (span.first, span.last))
+            begin_m, end_m = made.span_m(span)
             for lane_type, side, width_m in (
                 (LaneType.SIDEWALK, 1, beside.sidewalk_left_m),
                 (LaneType.SIDEWALK, -1, beside.sidewalk_right_m),
@@ -116,19 +111,13 @@ def append_strip(strips: list[Strip], new: Strip) -> None:
     strips.append(new)
 
 
-def _mapped_sidewalks(
-    extract: OsmExtract,
-    graph: StreetGraph,
-    plans: Sequence[PlanView],
-    built: Mapping[int, StreetRoads],
-    tagged: Strips,
-) -> Strips:
+def _mapped_sidewalks(extract: OsmExtract, graph: StreetGraph, built: BuiltStreets, tagged: Strips) -> Strips:
     """Return sidewalks that are separate ways, each as part of the street beside it."""
     points, directions = _walked(extract, graph)
-    numbers = [index for index in built if len(set(graph.streets[index].points)) > 1]
+    numbers = [index for index, made in built.items() if len(set(made.street.points)) > 1]
     if not len(points) or not numbers:
         return {}
-    shapes = [np.array(graph.streets[index].points) for index in numbers]
+    shapes = [np.array(built[index].street.points) for index in numbers]
     lines = np.asarray(
         shapely.linestrings(np.concatenate(shapes), indices=np.repeat(np.arange(len(shapes)), [len(s) for s in shapes]))
     )
@@ -152,7 +141,7 @@ def _mapped_sidewalks(
     use = use[np.argsort(line[use], kind="stable")]
     for number, group in zip(*_grouped(line[use]), strict=True):
         index, here_k = numbers[number], use[group]
-        stations_m = np.interp(along_m[here_k], arc_lengths(shapes[number]), plans[index].vertex_s_m)
+        stations_m = np.interp(along_m[here_k], arc_lengths(shapes[number]), built[index].plan.vertex_s_m)
         for s_m, t_m in zip(stations_m.tolist(), aside_m[here_k].tolist(), strict=True):
             places[index, 1 if t_m > 0 else -1].append((s_m, abs(t_m)))
     strips: Strips = {}
@@ -160,7 +149,7 @@ def _mapped_sidewalks(
         known = [strip for strip in tagged.get(index, ()) if strip.type is LaneType.SIDEWALK and strip.side == side]
         for run in _runs(sorted(found), _SAME_WALK_M):
             begin_m, end_m = run[0][0] - STEP_M / 2, run[-1][0] + STEP_M / 2
-            verge_m = _verge_m(graph.streets[index], plans[index], run, side)
+            verge_m = _verge_m(built[index], run, side)
             if verge_m is not None and not any(k.begin_m < end_m and k.end_m > begin_m for k in known):
                 strip = Strip(LaneType.SIDEWALK, side, begin_m, end_m, SIDEWALK_WIDTH_M, verge_m)
                 strips.setdefault(index, []).append(strip)
@@ -212,14 +201,14 @@ def _runs(places: Sequence[tuple[float, float]], longest_gap_m: float) -> Iterat
         yield run
 
 
-def _verge_m(street: Street, plan: PlanView, run: Sequence[tuple[float, float]], side: int) -> float | None:
+def _verge_m(made: StreetRoads, run: Sequence[tuple[float, float]], side: int) -> float | None:
     """Return the verge between carriageway and sidewalk (metres), from the medians of a run's places.
 
     None if the run is not along the street.
     """
     s_m, aside_m = (median(values) for values in zip(*run, strict=True))
-    span = next((span for span in street.spans if plan.vertex_s_m[span.last] >= s_m), street.spans[-1])
-    section = span.profile.section
+    spans = made.street.spans
+    section = next((span for span in spans if made.span_m(span)[1] >= s_m), spans[-1]).profile.section
     lanes = section.left if side > 0 else section.forward
     edge_m = side * section.offset_m + math.fsum(lane.width_m for lane in lanes)
     verge_m = aside_m - edge_m - SIDEWALK_WIDTH_M / 2
@@ -227,29 +216,23 @@ def _verge_m(street: Street, plan: PlanView, run: Sequence[tuple[float, float]],
 
 
 # --- shoulders -------------------------------------------------------------------------------------------------------
-def shoulders_along(
-    extract: OsmExtract,
-    streets: Sequence[Street],
-    plans: Sequence[PlanView],
-    built: Mapping[int, StreetRoads],
-    others: Strips,
-) -> Strips:
-    """Return the shoulders along the streets with roads, ``built``, where none of the ``others`` lies.
+def shoulders_along(extract: OsmExtract, built: BuiltStreets, others: Strips) -> Strips:
+    """Return the shoulders along the streets, where none of the ``others`` lies.
 
-    >>> shoulders_along(extract, street_graph.streets, plans, street_roads, {})  # the streets of a town have none
+    >>> shoulders_along(extract, street_roads, {})  # the streets of a town have none
     {}
     """
     tags_of = {way.id: way.tags for way in extract.ways}
     shoulders: Strips = {}
-    for index in built:
-        for span in streets[index].spans:
+    for index, made in built.items():
+        for span in made.street.spans:
             profile = span.profile
             if not _has_shoulders(profile):
                 continue
             tags = tags_of.get(profile.way_id, {})
             if tags.get("surface") in _UNPAVED or _says_otherwise(tags):
                 continue
-            begin_m, end_m = (plans[index].vertex_s_m[k] for k in (span.first, span.last))
+            begin_m, end_m = made.span_m(span)
             for side in (-1, 1):
                 if _is_taken(profile, side):
                     continue

@@ -274,7 +274,8 @@ class MapComparison:
                 continue
             compared += 1
             tagged = sum(lane.type.drivable for lane in (*profile.section.left, *profile.section.forward))
-            count = _lane_count(road, road.length_m / 2)
+            section = road.lane_sections[road.section_at(road.length_m / 2)]
+            count = sum(lane.type.drivable for lane in section.lanes if lane.id != 0)
             if count != tagged:
                 lanes = count_of(count, "lane")
                 differing[road.id] = f"road {road.id} has {lanes}, way {road.osm_way_ids[0]} is tagged {tagged}"
@@ -325,7 +326,7 @@ class MapComparison:
 
     def _open_ends(self, road: Road) -> Iterator[tuple[float, float]]:
         line = self.network.road_geometry(road.id).line
-        for link, s_m in ((road.predecessor, 0.0), (road.successor, road.length_m)):
+        for _, s_m, link in road.ends:
             if link is None:
                 x, y, _, _ = line.at(s_m)
                 yield x, y
@@ -385,9 +386,3 @@ def _spread(places: Sequence[tuple[float, float]], count: int, known: Sequence[t
         to_latest = np.hypot(*(points - points[latest]).T)
         distance = to_latest if len(chosen) == 1 and not known else np.minimum(distance, to_latest)
     return chosen
-
-
-def _lane_count(road: Road, s_m: float) -> int:
-    """Return lanes traffic drives in at ``s_m`` of a road, centre turn lanes included."""
-    section = max((section for section in road.lane_sections if section.s_m <= s_m), key=lambda section: section.s_m)
-    return sum(lane.type.drivable for lane in section.lanes if lane.id != 0)

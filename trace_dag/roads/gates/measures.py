@@ -237,12 +237,10 @@ def steepest_grades(network: RoadNetwork) -> tuple[SteepestGrade, SteepestGrade]
     >>> [steepest.grade for steepest in steepest_grades(network)]  # the town's plan is flat here
     [0.0, 0.0]
     """
-    minor = {road.id for road in network.roads if road.highway.endswith("_link") or road.highway == "service"}
+    minor = {road.id for road in network.roads if road.is_ramp or road.highway == "service"}
     for road in network.roads:
-        if road.junction_id is not None:
-            arms = {link.element_id for link in (road.predecessor, road.successor) if link is not None}
-            if arms & minor:
-                minor.add(road.id)
+        if road.junction_id is not None and not minor.isdisjoint(road.linked_roads):
+            minor.add(road.id)
     steepest = {False: SteepestGrade(0.0, None), True: SteepestGrade(0.0, None)}
     for road in network.roads:
         geometry = network.road_geometry(road.id)

@@ -112,7 +112,7 @@ def data_ends(network: RoadNetwork, extract: OsmExtract, placement: CrashPlaceme
     found = []
     for road in network.roads:
         line = network.road_geometry(road.id).line
-        for link, s_m in ((road.predecessor, 0.0), (road.successor, road.length_m)):
+        for _, s_m, link in road.ends:
             if link is not None or road.id not in begins_m:
                 continue
             end = np.array(line.at(s_m)[:2])
@@ -131,7 +131,7 @@ def _distances_m(network: RoadNetwork, placement: CrashPlacement) -> dict[str, f
     """
     next_to: dict[str, set[tuple[ContactPoint | None, str]]] = defaultdict(set)  # by the end where they meet
     for road in network.roads:
-        for own, link in ((ContactPoint.START, road.predecessor), (ContactPoint.END, road.successor)):
+        for own, _, link in road.ends:
             if link is not None and link.element_type == "road":
                 next_to[road.id].add((own, link.element_id))
                 next_to[link.element_id].add((link.contact_point, road.id))
@@ -164,8 +164,7 @@ def drop_roads(network: RoadNetwork, road_ids: Collection[str]) -> RoadNetwork:
     """
     gone = set(road_ids)
     for road in network.roads:
-        links = (road.predecessor, road.successor)
-        if road.junction_id is not None and any(link is not None and link.element_id in gone for link in links):
+        if road.junction_id is not None and not gone.isdisjoint(road.linked_roads):
             gone.add(road.id)
     junctions = [
         replace(

@@ -51,9 +51,8 @@ class LaneLinks:
         found: dict[str, dict[str, None]] = {}
         for road in self._roads:
             found.setdefault(road.id, {})[road.id] = None
-            for link in (road.predecessor, road.successor):
-                if link is not None and link.element_type == "road":
-                    found.setdefault(link.element_id, {})[road.id] = None
+            for linked in road.linked_roads:
+                found.setdefault(linked, {})[road.id] = None
         for junction in self._junctions:
             for connection in junction.connections:
                 found.setdefault(connection.connecting_road, {})[connection.incoming_road] = None

@@ -9,6 +9,7 @@ types are in :class:`trace_dag.roads.map.network.RoadNetwork`.
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, NamedTuple
@@ -223,6 +224,34 @@ class Road:
     def level(self) -> int:
         """Return the storey as tagged; for a bridge without a layer 1, for a tunnel -1."""
         return self.layer or (1 if self.bridge else -1 if self.tunnel else 0)
+
+    @property
+    def is_ramp(self) -> bool:
+        """Return whether it is a ramp or slip road, by its class."""
+        return self.highway.endswith("_link")
+
+    @property
+    def ends(self) -> tuple[tuple[ContactPoint, float, RoadLink | None], ...]:
+        """Return the contact point, station and link of its start and its end."""
+        return (ContactPoint.START, 0.0, self.predecessor), (ContactPoint.END, self.length_m, self.successor)
+
+    @property
+    def linked_roads(self) -> tuple[str, ...]:
+        """Return the ids of the roads at its ends."""
+        return self._linked("road")
+
+    @property
+    def linked_junctions(self) -> tuple[str, ...]:
+        """Return the ids of the junctions at its ends."""
+        return self._linked("junction")
+
+    def _linked(self, element_type: str) -> tuple[str, ...]:
+        links = (self.predecessor, self.successor)
+        return tuple(link.element_id for link in links if link is not None and link.element_type == element_type)
+
+    def section_at(self, s_m: float) -> int:
+        """Return the index of the lane section at a station."""
+        return max(bisect_right(self.lane_sections, s_m, key=lambda section: section.s_m) - 1, 0)
 
     def direction(self, lane_id: int) -> int:
         """Return +1 for a lane with traffic along the reference line, -1 for one against it."""

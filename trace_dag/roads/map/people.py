@@ -76,13 +76,10 @@ def find_unmarked_crosswalks(
     found = []
     for road in network.roads_within(box):
         back_m = min(_UNMARKED_M, road.length_m)
-        ends = (
-            (road.predecessor, 0, (0.0, back_m)),
-            (road.successor, len(road.lane_sections) - 1, (road.length_m - back_m, road.length_m)),
-        )
-        for link, section, between_m in ends if road.junction_id is None else ():
+        for _, s_m, link in road.ends if road.junction_id is None else ():
             if link is not None and link.element_type == "junction":
-                lanes = [lane for lane in network.drivable_lanes_of(road) if lane.section == section]
+                between_m = sorted((s_m, s_m - back_m if s_m else back_m))
+                lanes = [lane for lane in network.drivable_lanes_of(road) if lane.section == road.section_at(s_m)]
                 found += [_cut(network, lane, *between_m) for lane in lanes]
     here = shapely.Point(x_m, y_m)
     return [piece for piece in found if piece.distance(here) <= max_distance_m]
@@ -96,7 +93,7 @@ def lanes_beside(network: RoadNetwork, road_id: str, s_m: float, lane_type: Lane
     [3, -3]
     """
     road = network.road_by_id[road_id]
-    section = max((k for k, each in enumerate(road.lane_sections) if each.s_m <= s_m), default=0)
+    section = road.section_at(s_m)
     found = []
     for lane in road.lane_sections[section].lanes:
         if lane.id and lane.type is lane_type:

@@ -111,7 +111,7 @@ def _is_between(network: RoadNetwork, near: list[LaneMatch], xy_m: tuple[float, 
         if opposed:
             inwards = -1.0 if network.road_by_id[first.lane.road_id].left_hand else 1.0
             return apart > _OPPOSED_RAD and first.offset_m * inwards > 0 and other.offset_m * inwards > 0
-        ramps = [network.road_by_id[each.lane.road_id].highway.endswith("_link") for each in (first, other)]
+        ramps = [network.road_by_id[each.lane.road_id].is_ramp for each in (first, other)]
         near_each_other = other.outside_m + first.outside_m <= _GORE_M
         return near_each_other and apart < _PARALLEL_RAD and first.offset_m * other.offset_m < 0 and any(ramps)
     return False

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -100,17 +100,5 @@ def _corners(road: Road) -> list[tuple[float, float]]:
 
 def _roads_meet(a: Road, b: Road) -> bool:
     """Return whether two roads belong to one junction or are linked to each other."""
-    return bool(set(_junctions_of(a)) & set(_junctions_of(b))) or any(
-        link is not None and link.element_type == "road" and link.element_id == other.id
-        for road, other in ((a, b), (b, a))
-        for link in (road.predecessor, road.successor)
-    )
-
-
-def _junctions_of(road: Road) -> Iterator[str]:
-    """Yield the junction of a connecting road, or the junctions at a road's ends."""
-    if road.junction_id is not None:
-        yield road.junction_id
-    for link in (road.predecessor, road.successor):
-        if link is not None and link.element_type == "junction":
-            yield link.element_id
+    of_a, of_b = ({road.junction_id, *road.linked_junctions} - {None} for road in (a, b))
+    return bool(of_a & of_b) or b.id in a.linked_roads or a.id in b.linked_roads
