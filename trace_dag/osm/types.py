@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from shapely.geometry.base import BaseGeometry
 
-from trace_dag.common.geometry import FloatArray
+from trace_dag.common.geometry import FloatArray, LocalFrame
 
 NO_TAGS: Final[Mapping[str, str]] = {}
 OSM_ATTRIBUTION: Final = "© OpenStreetMap contributors, ODbL 1.0"
@@ -129,6 +129,12 @@ class OsmExtract:
     source: str = ""
     data_timestamp: str = ""
     attribution: str = OSM_ATTRIBUTION
+
+    def local_xy_m(self, node_ids: Iterable[int], frame: LocalFrame) -> FloatArray:
+        """Return the places of nodes in a frame, shape (n, 2), metres."""
+        nodes = [self.nodes[node_id] for node_id in node_ids]
+        degrees = np.array([(node.latitude_deg, node.longitude_deg) for node in nodes]).reshape(-1, 2)
+        return frame.to_local(degrees[:, 0], degrees[:, 1])
 
 
 # --- rights ----------------------------------------------------------------------------------------------------------

@@ -6,9 +6,10 @@ buildings. Areas farther off (water, woods, parking) are only drawn in pictures.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
+from itertools import chain
 from typing import Final
 
 import numpy as np
@@ -52,9 +53,7 @@ from trace_dag.roads.report import (
 _REACH_M: Final = 40.0  # a vehicle that leaves the road stays within the clear zone
 _KEYS: Final = ("barrier", "natural", "power", "highway", "man_made", "emergency", "amenity", "waterway", "building")
 _ANY_VALUE: Final = ("traffic_sign", "bridge:support", "building")
-_WITHOUT_WALLS: Final = frozenset(
-    {"roof", "carport", "canopy", "no"}
-)  # one drives below these: OSM's values of building
+_WITHOUT_WALLS: Final = frozenset({"roof", "carport", "canopy", "no"})  # of buildings that one drives below
 _BACKGROUND: Final = frozenset(
     {"grassland", "scrub", "water", "wetland", "wood", "river", "riverbank", "parking", "bridge"}
 )
@@ -197,17 +196,9 @@ def _network(
 
 def tags_not_followed(network: RoadNetwork, extract: OsmExtract) -> tuple[TagNotFollowed, ...]:
     """Return the contradictory or unreadable tags of the ways that are roads of the map."""
-    return tuple(_tags_not_followed(network, extract))
-
-
-def _tags_not_followed(network: RoadNetwork, extract: OsmExtract) -> Iterator[TagNotFollowed]:
-    for way_id, what in unknown_kinds(extract):
-        yield TagNotFollowed(way_id, what)
     used = {way_id for road in network.roads for way_id in road.osm_way_ids}
-    for way in extract.ways:
-        if way.id in used:
-            for what in read_profile(way).not_followed:
-                yield TagNotFollowed(way.id, what)
+    of_ways = ((way.id, what) for way in extract.ways if way.id in used for what in read_profile(way).not_followed)
+    return tuple(TagNotFollowed(way_id, what) for way_id, what in chain(unknown_kinds(extract), of_ways))
 
 
 def _local_time(record: CrashRecord) -> datetime | None:
@@ -240,8 +231,8 @@ def _reject_vertical_geometry(extract: OsmExtract, frame: LocalFrame, settings: 
         raised = [key for key in ("bridge", "tunnel", "layer") if way.tags.get(key, "no") not in ("no", "0")]
         if not raised:
             continue
-        degrees = np.array([(extract.nodes[i].latitude_deg, extract.nodes[i].longitude_deg) for i in way.node_ids])
-        distance_m = float(shapely.LineString(frame.to_local(*degrees.T)).distance(shapely.Point(0.0, 0.0)))
+        line = shapely.LineString(extract.local_xy_m(way.node_ids, frame))
+        distance_m = float(line.distance(shapely.Point(0.0, 0.0)))
         if distance_m <= limit_m:
             raise Rejection(
                 Reason.VERTICAL_GEOMETRY,

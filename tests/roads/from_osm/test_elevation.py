@@ -14,10 +14,11 @@ from tests.roads.towns import FRAME, SETTINGS, Town
 from trace_dag.common.settings import RoadSettings
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.from_osm.convert import convert
-from trace_dag.roads.gates.measures import crossings, link_gaps
+from trace_dag.roads.gates.measures import clearance_m, link_gaps
 from trace_dag.roads.map.cubic_profile import CubicProfile
 from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.map.separations import find_separations
 
 
 def overpass(*, highway: str = "secondary", approach_m: float = 300.0, **over_tags: str) -> Town:
@@ -42,12 +43,17 @@ def profile(road: Road) -> tuple[np.ndarray, np.ndarray]:
     return cubics.sample(s), cubics.sample_slope(s)
 
 
+def clearances(network: RoadNetwork) -> list[float]:
+    """Height (m) between the roads of each crossing of levels."""
+    return [clearance_m(network, crossing) for crossing in find_separations(network, between_levels=True)]
+
+
 @pytest.mark.parametrize("tags", [{"bridge": "yes"}, {"bridge": "yes", "layer": "1"}, {"layer": "2"}])
 def test_a_bridge_clears_the_road_below(tags: dict[str, str]) -> None:
     network = overpass(**tags).network()
     assert max(map(abs, heights(network, "Below"))) == 0.0
-    (crossing,) = [crossing for crossing in crossings(network) if crossing.separated]
-    assert crossing.clearance_m >= 4.5
+    (clearance,) = clearances(network)
+    assert clearance >= 4.5
     assert heights(network, "Over")[0] == pytest.approx(0.0)
 
 
@@ -86,7 +92,7 @@ def test_three_levels_lie_above_each_other() -> None:
             **tags,
         )
         town.street([(40 * c, 40 * s), (450 * c, 450 * s)], level=str(level), highway="motorway", oneway="no")
-    found = [crossing.clearance_m for crossing in crossings(town.network()) if crossing.separated]
+    found = clearances(town.network())
     assert len(found) == 3
     assert min(found) >= 4.5
     assert max(found) >= 9.0
@@ -121,7 +127,7 @@ def interchanges(draw: st.DrawFn) -> OsmExtract:
 @given(interchanges())
 def test_clearance_grades_and_continuity_hold_together(extract: OsmExtract) -> None:
     network = convert(extract, FRAME, SETTINGS)
-    found = [crossing.clearance_m for crossing in crossings(network) if crossing.separated]
+    found = clearances(network)
     assert found
     assert min(found) >= 4.5
     for road in network.roads:

@@ -22,6 +22,7 @@ from trace_dag.roads.map.model import Cubic, Lane, LaneRef, Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.rules import StoredMap, find_violations
+from trace_dag.roads.map.separations import find_separations
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.roads.report import CrashPlacement, MapGate
 
@@ -278,7 +279,7 @@ def _first_section(network: RoadNetwork) -> list[LaneRef]:
 
 # --- measures ---------------------------------------------------------------------------------------------------
 def test_crossings_of_one_junction_are_none(network: RoadNetwork) -> None:
-    assert map_measures.crossings(network) == []
+    assert find_separations(network) == []
 
 
 def test_link_gaps_cover_every_movement(network: RoadNetwork) -> None:

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final
+from typing import Final, TypeAlias
 
 from trace_dag.common.units import mps_to_mph, wrap_angle
 from trace_dag.crash.classes import RoadTopology
@@ -78,6 +78,9 @@ class SiteStreets:
     of_vehicle: tuple[tuple[VehicleRecord, StreetAtCrash], ...]
 
 
+_MappedOf: TypeAlias = Callable[[VehicleRecord, StreetAtCrash], tuple[str, ...]]
+
+
 def compare(
     network: RoadNetwork,
     record: CrashRecord,
@@ -93,11 +96,9 @@ def compare(
     """
     streets = streets_at(network, record, placement, driven)
     return (
-        _per_vehicle(LANES, streets, _reported_lanes, _mapped_lanes),
+        _per_vehicle(LANES, streets),
         _intersection(network, record, placement, streets.crossing),
-        _per_vehicle(DIVISION, streets, _reported_trafficway, _mapped_trafficways),
-        _per_vehicle(CONTROL, streets, _reported_control, _mapped_controls),
-        _per_vehicle(LIMIT, streets, _reported_limit, _mapped_limits),
+        *(_per_vehicle(attribute, streets) for attribute in (DIVISION, CONTROL, LIMIT)),
     )
 
 
@@ -187,28 +188,20 @@ def _controls(
 def _fit(vehicle: VehicleRecord, street: StreetAtCrash) -> int:
     """Return the score of a street: matching attributes of a vehicle's road minus different ones."""
     score = 0
-    for reported, mapped in (
-        (_reported_lanes(vehicle), _mapped_lanes(vehicle, street)),
-        (_reported_trafficway(vehicle), _mapped_trafficways(vehicle, street)),
-        (_reported_control(vehicle), _mapped_controls(vehicle, street)),
-        (_reported_limit(vehicle), _mapped_limits(vehicle, street)),
-    ):
+    for reported_of, mapped_of in _OF_VEHICLES.values():
+        reported, mapped = reported_of(vehicle), mapped_of(vehicle, street)
         if reported is not None and mapped:
             score += 1 if reported in mapped else -1
     return score
 
 
-def _per_vehicle(
-    attribute: str,
-    streets: SiteStreets,
-    reported_of: Callable[[VehicleRecord], str | None],
-    mapped_of: Callable[[VehicleRecord, StreetAtCrash], tuple[str, ...]],
-) -> Comparison:
+def _per_vehicle(attribute: str, streets: SiteStreets) -> Comparison:
     """Return a comparison that agrees if the map has, for every street, a value that a vehicle on it reports.
 
     Vehicles on one street may report different values, each for its own direction and place (one counts a turn lane
     that the other has passed). The map then agrees if it has one of the values.
     """
+    reported_of, mapped_of = _OF_VEHICLES[attribute]
     reported: dict[str, None] = {}
     mapped: dict[str, None] = {}
     agreed: dict[int, bool] = {}
@@ -277,6 +270,15 @@ def _limit(speed_mps: float) -> str:
     return f"{mps_to_mph(speed_mps):.0f} mph"
 
 
+_OF_VEHICLES: Final[Mapping[str, tuple[Callable[[VehicleRecord], str | None], _MappedOf]]] = {
+    LANES: (_reported_lanes, _mapped_lanes),
+    DIVISION: (_reported_trafficway, _mapped_trafficways),
+    CONTROL: (_reported_control, _mapped_controls),
+    LIMIT: (_reported_limit, _mapped_limits),
+}
+"""Attributes of a vehicle's road, with the reported value of each and those on the map."""
+
+
 def _intersection(
     network: RoadNetwork, record: CrashRecord, placement: CrashPlacement, own: Crossing | None
 ) -> Comparison:
@@ -286,7 +288,8 @@ def _intersection(
     )
     if reported == RoadTopology.OTHERS:
         return Comparison(INTERSECTION, None, kind.value, NOT_COMPARABLE)
-    if kind == RoadTopology.NOT_AN_INTERSECTION and reported == RoadTopology.L and _bends(network, placement):
+    bends = abs(bend_rad(network, placement, _BEND_REACH_M)) > _BEND_RAD
+    if kind == RoadTopology.NOT_AN_INTERSECTION and reported == RoadTopology.L and bends:
         kind = RoadTopology.L
     return Comparison(INTERSECTION, reported.value, kind.value, AGREES if kind == reported else DIFFERS)
 
@@ -315,11 +318,6 @@ def _kind_at(network: RoadNetwork, placement: CrashPlacement) -> RoadTopology:
         return RoadTopology.NOT_AN_INTERSECTION
     distance_m = math.dist(junction.centre_xy_m, (placement.x_m, placement.y_m))
     return RoadTopology(junction.kind) if distance_m <= _INTERSECTION_RADIUS_M else RoadTopology.NOT_AN_INTERSECTION
-
-
-def _bends(network: RoadNetwork, placement: CrashPlacement) -> bool:
-    """Return whether the street turns at the crash, also if a road of another name begins there."""
-    return abs(bend_rad(network, placement, _BEND_REACH_M)) > _BEND_RAD
 
 
 def bend_rad(network: RoadNetwork, placement: CrashPlacement, reach_m: float) -> float:

@@ -231,10 +231,8 @@ class _Canvas:
         self._extract = extract
         self._ways = [way for way in extract.ways if is_drivable(way.tags, service_roads=True) and _whole(way, extract)]
         self._arms = Counter(node for way in self._ways for pair in pairwise(way.node_ids) for node in pair)
-        ids = list(extract.nodes)
-        degrees = np.array([(extract.nodes[i].latitude_deg, extract.nodes[i].longitude_deg) for i in ids])
-        local = network.frame.to_local(degrees[:, 0], degrees[:, 1])
-        self._xy: dict[int, FloatArray] = dict(zip(ids, local, strict=True))
+        places = extract.local_xy_m(extract.nodes, network.frame)
+        self._xy: dict[int, FloatArray] = dict(zip(extract.nodes, places, strict=True))
         self._new_nodes: list[OsmNode] = []
         self._inserted: dict[int, list[tuple[float, int]]] = defaultdict(list)
         self._drawn: list[OsmWay] = []

@@ -295,21 +295,14 @@ class _Placer:
 
     def _distance_to(self, crossing: Crossing) -> float:
         """Return the distance from the point to the surface of a crossing's junctions (metres)."""
-        inside = [
-            match.outside_m
-            for near in self._near.values()
-            for match in near.matches
-            if self._network.road_by_id[match.lane.road_id].junction_id in crossing.junction_ids
-        ]
-        if inside:
-            return min(inside)
-        return math.hypot(crossing.centre_xy_m[0] - self._x_m, crossing.centre_xy_m[1] - self._y_m)
+        nearest_m = min(map(self._junction_distance, crossing.junction_ids))
+        return nearest_m if nearest_m < math.inf else math.dist(crossing.centre_xy_m, (self._x_m, self._y_m))
 
     def _at_crossing(self, crossing: Crossing, best: _Candidate) -> CrashPlacement:
         names = {name for arm in crossing.arms for name in arm.names}
         surface = [match for near in self._near.values() for match in near.matches]
         surface = [match for match in dict.fromkeys(surface) if self._belongs(match.lane, crossing, names)]
-        junction = min(crossing.junction_ids, key=lambda junction_id: self._junction_distance(junction_id))
+        junction = min(crossing.junction_ids, key=self._junction_distance)
         return self._placement(best, surface, junction, self._cross_roads(crossing, best.road))
 
     def _belongs(self, lane: LaneRef, crossing: Crossing, names: Collection[str]) -> bool:
@@ -344,12 +337,11 @@ class _Placer:
 
     def _driveway(self) -> tuple[str | None, tuple[str, ...]]:
         """Return the junction of the nearest driveway within reach, and its driveways."""
-        best: tuple[float, str] | None = None
-        for junction in self._network.junctions:
-            distance_m = self._junction_distance(junction.id)
-            if distance_m <= self._settings.max_move_m and self._driveways_at(junction.id):
-                best = min(best or (distance_m, junction.id), (distance_m, junction.id))
-        return (best[1], self._driveways_at(best[1])) if best else (None, ())
+        near = [(self._junction_distance(junction.id), junction.id) for junction in self._network.junctions]
+        for distance_m, junction_id in sorted(near):
+            if distance_m <= self._settings.max_move_m and (driveways := self._driveways_at(junction_id)):
+                return junction_id, driveways
+        return None, ()
 
     def _driveways_at(self, junction_id: str) -> tuple[str, ...]:
         return tuple(
@@ -374,7 +366,7 @@ class _Placer:
         return CrashPlacement(
             x_m=x_m,
             y_m=y_m,
-            z_m=self._network.surface_height_m(nearest.lane, nearest.s_m),
+            z_m=self._network.road_geometry(nearest.lane.road_id).height_at(nearest.s_m),
             road_id=best.road.id,
             moved_m=moved_m,
             matched_by=", ".join((*best.evidence, distance)),

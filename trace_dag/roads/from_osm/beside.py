@@ -258,14 +258,12 @@ def _widths(strips: Sequence[tuple[Strip, float]], begin_m: float, end_m: float,
         if strip.begin_m > begin_m:
             if not cubics:
                 cubics.append(Cubic(0.0, least_m))
-            slope = 3 * (width_m - least_m) / ease_m**2, -2 * (width_m - least_m) / ease_m**3
-            cubics.append(Cubic(low_m - begin_m, least_m, 0.0, *slope))
+            cubics.append(Cubic.between(low_m - begin_m, least_m, width_m, ease_m))
             cubics.append(Cubic(low_m + ease_m - begin_m, width_m))
         else:
             cubics.append(Cubic(0.0, width_m))
         if strip.end_m < end_m:
-            slope = -3 * (width_m - least_m) / ease_m**2, 2 * (width_m - least_m) / ease_m**3
-            cubics.append(Cubic(high_m - ease_m - begin_m, width_m, 0.0, *slope))
+            cubics.append(Cubic.between(high_m - ease_m - begin_m, width_m, least_m, ease_m))
             cubics.append(Cubic(high_m - begin_m, least_m))
     # Cubics that end where the next begins are one record.
     return tuple({round(cubic.s_m, 6): cubic for cubic in cubics}.values())

@@ -23,7 +23,6 @@ from trace_dag.roads.from_osm.turn_curves import (
     turn_of_radius,
 )
 from trace_dag.roads.map.curves import (
-    PlanPose,
     PlanView,
     connect,
     cut_plan,
@@ -137,8 +136,8 @@ def _street_link(
 def _lane_link(movement: Movement, pair: tuple[ArmLane, ArmLane]) -> _Link | None:
     """Return a lane as a road of its own; None if no sensible curve connects its ends."""
     lane_in, lane_out = pair
-    start = _shifted(movement.origin.inbound, lane_in.offset_m)
-    end = _shifted(movement.target.outbound, lane_out.offset_m)
+    start = movement.origin.inbound.beside(lane_in.offset_m)
+    end = movement.target.outbound.beside(lane_out.offset_m)
     circle_m = movement.circle_m
     plan = turn_of_radius(start, end, circle_m) if circle_m else connect(start, end)
     if plan is None:
@@ -188,7 +187,7 @@ def _fits(link: _Link, links: Sequence[_Link]) -> bool:
         for sign, lanes in ((1, arm.incoming), (-1, arm.outgoing))
         for lane in lanes
         for side in (1, -1)
-        for corner in (_shifted(arm.inbound, sign * lane.offset_m + side * lane.width_m / 2),)
+        for corner in (arm.inbound.beside(sign * lane.offset_m + side * lane.width_m / 2),)
     ]
     ground = shapely.MultiPoint(corners).convex_hull.buffer(_OVERRUN_M)
     count = math.ceil(link.plan.length_m / _STEP_M) + 1
@@ -208,14 +207,6 @@ def _adjacent(left: ArmLane, right: ArmLane) -> bool:
 
 def _seen_outbound(lane: ArmLane) -> ArmLane:
     return ArmLane(lane.id, lane.type, -lane.offset_m, lane.width_m, lane.turns)
-
-
-def _shifted(pose: PlanPose, left_m: float) -> PlanPose:
-    return PlanPose(
-        pose.x_m - left_m * math.sin(pose.heading_rad),
-        pose.y_m + left_m * math.cos(pose.heading_rad),
-        pose.heading_rad,
-    )
 
 
 def _along_streets(movement: Movement) -> PlanView | None:
@@ -258,6 +249,7 @@ def _road(link: _Link, road_id: str, junction_id: str) -> Road:
     plan = drop_slivers(link.plan)
     length = plan.length_m
     origin, target = movement.origin, movement.target
+    limits = (origin.profile.speed_forward_mps, target.profile.speed_backward_mps)
     lanes: list[Lane] = [Lane(0, LaneType.NONE, (), mark=UNMARKED)]
     for index, (lane_in, lane_out) in enumerate(link.lanes):
         lanes.append(
@@ -282,7 +274,7 @@ def _road(link: _Link, road_id: str, junction_id: str) -> Road:
         highway=origin.profile.highway,
         osm_way_ids=() if origin.profile.inferred or target.profile.inferred else movement.way_ids,
         name=origin.profile.name if movement.turn == "straight" else "",
-        speed_mps=_lower(origin.profile.speed_forward_mps, target.profile.speed_backward_mps),
+        speed_mps=min(filter(None, limits), default=None),
         # Where a junction reaches onto a bridge, what it crosses there is below it.
         layer=max(origin.profile.layer, target.profile.layer, key=abs),
         bridge=origin.profile.bridge and target.profile.bridge,
@@ -292,12 +284,5 @@ def _road(link: _Link, road_id: str, junction_id: str) -> Road:
     )
 
 
-def _lower(a: float | None, b: float | None) -> float | None:
-    return min((speed for speed in (a, b) if speed is not None), default=None)
-
-
 def _ease(start: float, end: float, length: float) -> Cubic:
-    change = end - start
-    if abs(change) < 1e-9:
-        return Cubic(0.0, start)
-    return Cubic(0.0, start, 0.0, 3 * change / length**2, -2 * change / length**3)
+    return Cubic(0.0, start) if abs(end - start) < 1e-9 else Cubic.between(0.0, start, end, length)

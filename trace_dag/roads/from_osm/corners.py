@@ -181,7 +181,7 @@ def _path(kind: LaneType, origin: _Arm, side: int, target: _Arm) -> _Path | None
     lane, onward = origin.beside.get((kind, side)), target.beside.get((kind, -side))
     if lane is None or onward is None or origin is target:
         return None
-    start, end = _shifted(origin.pose, lane.left_m), _shifted(target.pose, onward.left_m)
+    start, end = origin.pose.beside(lane.left_m), target.pose.beside(onward.left_m)
     if not _LEAST_M < math.hypot(end.x_m - start.x_m, end.y_m - start.y_m) < _FARTHEST_M:
         return None
     to = PlanPose(end.x_m, end.y_m, end.heading_rad + math.pi)
@@ -190,11 +190,6 @@ def _path(kind: LaneType, origin: _Arm, side: int, target: _Arm) -> _Path | None
     if plan is not None and tightest_radius_m(plan) < least_m:
         plan = turn_of_radius(start, to, least_m)
     return None if plan is None else _Path(kind, origin, lane, target, onward, plan)
-
-
-def _shifted(pose: PlanPose, left_m: float) -> PlanPose:
-    x, y, heading = pose
-    return PlanPose(x - left_m * math.sin(heading), y + left_m * math.cos(heading), heading)
 
 
 def _clear_of_traffic(paths: Mapping[str, Sequence[_Path]], carriageways: Carriageways) -> dict[str, list[_Path]]:

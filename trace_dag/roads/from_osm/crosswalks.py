@@ -20,17 +20,15 @@ from trace_dag.common.geometry import arc_lengths
 from trace_dag.osm.road_classes import is_crossing
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.from_osm.street_graph import Street, StreetGraph
-from trace_dag.roads.from_osm.street_roads import BuiltStreets
+from trace_dag.roads.from_osm.street_roads import BuiltStreets, edges_of_carriageway
 from trace_dag.roads.from_osm.tag_values import parse_length_m
-from trace_dag.roads.map.cubic_profile import CubicProfile
 from trace_dag.roads.map.curves import PlanView, Point, plan_pose
-from trace_dag.roads.map.model import Crosswalk, LaneType, Road
+from trace_dag.roads.map.model import Crosswalk, Road
 
 _WIDTH_M: Final = 3.05  # 10 ft; MUTCD 2009, 3B.18, asks for 6 ft at least
 _WIDTHS_M: Final = (1.8, 8.0)
 _SAME_M: Final = 5.0  # farthest between a crossing's node and its way if they are not joined
 _MOST_SKEWED: Final = math.tan(math.radians(50))  # from straight across
-_NOT_CARRIAGEWAY: Final = frozenset({LaneType.SIDEWALK, LaneType.NONE})
 _LEAST_ACROSS_M: Final = 2.0
 
 
@@ -168,14 +166,3 @@ def _crosswalk(crossing: _Crossing, plan: PlanView, road: Road, begin_m: float, 
         signals=tags.get("crossing") == "traffic_signals" or tags.get("crossing:signals") == "yes",
         osm_node_id=crossing.node_id,
     )
-
-
-def edges_of_carriageway(road: Road, s_m: float) -> tuple[float, float]:
-    """Return the right and left edge of the carriageway at a crosswalk, metres left of the reference line."""
-    section = road.lane_sections[road.section_at(s_m)]
-    middle_m = CubicProfile.of(road.lane_offset).at(s_m)
-    reach = {1: 0.0, -1: 0.0}
-    for lane in section.lanes:
-        if lane.id and lane.type not in _NOT_CARRIAGEWAY:
-            reach[1 if lane.id > 0 else -1] += CubicProfile.of(lane.widths, origin_m=section.s_m).at(s_m)
-    return middle_m - reach[-1], middle_m + reach[1]

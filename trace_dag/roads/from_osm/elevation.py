@@ -26,7 +26,7 @@ from trace_dag.common.geometry import FloatArray, hermite
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.from_osm.height_graph import HeightGraph, HeightProfile, NodeId, ground_heights, has_height_tags
 from trace_dag.roads.map.cubic_profile import CubicProfile
-from trace_dag.roads.map.model import ContactPoint, Cubic, Road, RoadLink
+from trace_dag.roads.map.model import ContactPoint, Cubic, Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.separations import Separation, find_separations
 
@@ -84,9 +84,14 @@ def elevate(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
         profile.road.id: replace(profile.road, elevation=_spline(profile, heights, slopes[profile.road.id]))
         for profile in graph.profiles.values()
     }
+    levels = {
+        (road_id, contact): (float(heights[profile.nodes[index]]), slopes[road_id][index])
+        for road_id, profile in graph.profiles.items()
+        for contact, index in ((ContactPoint.START, 0), (ContactPoint.END, -1))
+    }
     for road in network.roads:
         if road.junction_id is not None:
-            roads[road.id] = replace(road, elevation=_between_links(road, roads, graph, heights, slopes))
+            roads[road.id] = replace(road, elevation=_between_links(road, levels))
     return replace(network, roads=tuple(roads[road.id] for road in network.roads))
 
 
@@ -245,32 +250,14 @@ def _continues(before: Cubic, piece: Cubic, length_m: float) -> bool:
     )
 
 
-def _between_links(
-    road: Road,
-    roads: Mapping[str, Road],
-    graph: HeightGraph,
-    heights: FloatArray,
-    slopes: Mapping[str, Sequence[float]],
-) -> tuple[Cubic, ...]:
-    """Return a connecting road's height: a cubic between the heights and slopes of its two roads."""
+def _between_links(road: Road, levels: Mapping[tuple[str, ContactPoint], tuple[float, float]]) -> tuple[Cubic, ...]:
+    """Return a connecting road's height: a cubic between the heights and slopes at the ends of its two roads."""
     ends = []
-    for link, leaving in ((road.predecessor, True), (road.successor, False)):
-        ends.append(_height_and_slope(link, leaving, graph, heights, slopes))
+    for contact, _, link in road.ends:
+        z_m, slope = (0.0, 0.0)
+        if link is not None and link.contact_point is not None:
+            z_m, slope = levels.get((link.element_id, link.contact_point), (0.0, 0.0))
+        runs_against = link is not None and link.contact_point is contact
+        ends.append((z_m, -slope if runs_against else slope))
     (z_a, slope_a), (z_b, slope_b) = ends
     return (Cubic(0.0, *hermite(road.length_m, z_a, z_b, slope_a, slope_b)),)
-
-
-def _height_and_slope(
-    link: RoadLink | None,
-    leaving: bool,
-    graph: HeightGraph,
-    heights: FloatArray,
-    slopes: Mapping[str, Sequence[float]],
-) -> tuple[float, float]:
-    if link is None or link.element_id not in graph.profiles:
-        return 0.0, 0.0
-    at_start = link.contact_point is ContactPoint.START
-    index = 0 if at_start else -1
-    slope = slopes[link.element_id][index]
-    # Along the connecting road: out of the other road's end, or into its start, is along it.
-    return float(heights[graph.profiles[link.element_id].nodes[index]]), -slope if at_start == leaving else slope

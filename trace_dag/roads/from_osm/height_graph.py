@@ -164,10 +164,9 @@ def _ways_forward(
         if way is None:
             forward[road_id] = 1
             continue
-        nodes = [extract.nodes[node_id] for node_id in (way.node_ids[0], way.node_ids[-1])]
-        along = np.diff([network.frame.to_local(n.latitude_deg, n.longitude_deg) for n in nodes], axis=0)[0]
+        first, last = extract.local_xy_m((way.node_ids[0], way.node_ids[-1]), network.frame)
         line = network.road_geometry(road_id).line.sample(np.array([0.0, profile.road.length_m]))[:, :2]
-        forward[road_id] = 1 if float(along @ (line[1] - line[0])) >= 0 else -1
+        forward[road_id] = 1 if float((last - first) @ (line[1] - line[0])) >= 0 else -1
     return forward
 
 

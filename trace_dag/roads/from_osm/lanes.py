@@ -290,7 +290,7 @@ def _profile(
     """
     cubics: list[Cubic] = []
     if abs(start - middle) > _SAME_M:
-        cubics.append(_ease(0.0, start, middle, taper_in))
+        cubics.append(Cubic.between(0.0, start, middle, taper_in))
         if length - taper_in > 1e-6:
             cubics.append(Cubic(taper_in, middle))
     else:
@@ -298,12 +298,8 @@ def _profile(
     if abs(end - middle) > _SAME_M:
         if length - taper_out < cubics[-1].s_m + 1e-6:
             cubics.pop()
-        cubics.append(_ease(max(length - taper_out, 0.0), middle, end, taper_out))
+        cubics.append(Cubic.between(max(length - taper_out, 0.0), middle, end, taper_out))
     return tuple(cubics)
-
-
-def _ease(s_m: float, a: float, b: float, length: float) -> Cubic:
-    return Cubic(s_m, a, 0.0, 3 * (b - a) / length**2, -2 * (b - a) / length**3)
 
 
 def _end_lanes(
@@ -313,18 +309,16 @@ def _end_lanes(
     right_widths: Sequence[float],
     offset: float,
 ) -> tuple[EndLane, ...]:
-    lanes: list[EndLane] = []
-    inner = offset
-    for lane, width in zip(left, left_widths, strict=True):
-        if width > _SAME_M:
-            lanes.insert(0, EndLane(lane.id, lane.type, inner + width, inner, lane.turns, lane.speed_mps))
-        inner += width
-    inner = offset
-    for lane, width in zip(right, right_widths, strict=True):
-        if width > _SAME_M:
-            lanes.append(EndLane(lane.id, lane.type, inner, inner - width, lane.turns, lane.speed_mps))
-        inner -= width
-    return tuple(lanes)
+    found: list[EndLane] = []
+    for lanes, widths, sign in ((left, left_widths, 1), (right, right_widths, -1)):
+        inner = offset
+        for lane, width in zip(lanes, widths, strict=True):
+            outer = inner + sign * width
+            if width > _SAME_M:
+                borders = max(inner, outer), min(inner, outer)
+                found.append(EndLane(lane.id, lane.type, *borders, lane.turns, lane.speed_mps))
+            inner = outer
+    return tuple(sorted(found, key=lambda lane: -lane.id))
 
 
 def _marks(specs: Sequence[LaneSpec], index: int, outermost: bool, sign: int) -> tuple[RoadMark, RoadMark | None]:

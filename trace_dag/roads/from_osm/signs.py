@@ -19,9 +19,8 @@ from trace_dag.osm.types import OsmExtract, OsmNode
 from trace_dag.roads.from_osm.junction_areas import JunctionArea
 from trace_dag.roads.from_osm.movements import JunctionArm, Movement
 from trace_dag.roads.from_osm.street_graph import Street, StreetGraph
-from trace_dag.roads.from_osm.street_roads import BuiltStreets, StreetRoads
+from trace_dag.roads.from_osm.street_roads import BuiltStreets, StreetRoads, edges_of_carriageway
 from trace_dag.roads.from_osm.tags import WayProfile
-from trace_dag.roads.map.cubic_profile import CubicProfile
 from trace_dag.roads.map.curves import Point
 from trace_dag.roads.map.model import ContactPoint, Road, Signal
 
@@ -284,12 +283,12 @@ def _limit(road: Road, forward: bool) -> float | None:
 
 
 def _signal(signal_id: str, post: _Post, kind: _Kind, node_id: int | None, limit_mps: float | None) -> Signal:
-    edge = _edge_m(post.road, post.s_m, right=post.forward)
+    right_m, left_m = edges_of_carriageway(post.road, post.s_m)
     mph = None if limit_mps is None else float(round(mps_to_mph(limit_mps)))
     return Signal(
         id=signal_id,
         s_m=post.s_m,
-        t_m=edge - _BESIDE_M if post.forward else edge + _BESIDE_M,
+        t_m=right_m - _BESIDE_M if post.forward else left_m + _BESIDE_M,
         type=kind.type,
         subtype="-1" if mph is None else f"{mph:.0f}",
         name=kind.name if mph is None else f"{kind.name}_{mph:.0f}",
@@ -302,14 +301,3 @@ def _signal(signal_id: str, post: _Post, kind: _Kind, node_id: int | None, limit
         width_m=kind.width_m,
         osm_node_id=node_id,
     )
-
-
-def _edge_m(road: Road, s_m: float, *, right: bool) -> float:
-    """Return the edge of the road's surface on one side, metres left of the reference line."""
-    section = max((x for x in road.lane_sections if x.s_m <= s_m), key=lambda x: x.s_m)
-    edge = CubicProfile.of(road.lane_offset).at(s_m)
-    for lane in section.lanes:
-        if lane.id != 0 and (lane.id < 0) == right:
-            width = CubicProfile.of(lane.widths).at(s_m - section.s_m)
-            edge += -width if right else width
-    return edge

@@ -108,13 +108,9 @@ def build_street_graph(
 
 
 def _local_positions(extract: OsmExtract, frame: LocalFrame) -> dict[int, Point]:
-    if not extract.nodes:
-        return {}
-    ids = list(extract.nodes)
-    degrees = np.array([(extract.nodes[i].latitude_deg, extract.nodes[i].longitude_deg) for i in ids])
-    local = frame.to_local(degrees[:, 0], degrees[:, 1])
+    local = extract.local_xy_m(extract.nodes, frame)
     usable = np.abs(np.nan_to_num(local, nan=np.inf)).max(axis=1) < _FARTHEST_M
-    return {i: (x, y) for i, (x, y), ok in zip(ids, local.tolist(), usable.tolist(), strict=True) if ok}
+    return {i: (x, y) for i, (x, y), ok in zip(extract.nodes, local.tolist(), usable.tolist(), strict=True) if ok}
 
 
 def _canonical(node: int, aliases: dict[int, int]) -> int:

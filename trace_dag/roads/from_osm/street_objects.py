@@ -14,11 +14,10 @@ from typing import Final, NamedTuple
 
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.from_osm.arm_cuts import LEAST_STREET_M, StreetEnd, end_profile
-from trace_dag.roads.from_osm.crosswalks import edges_of_carriageway
 from trace_dag.roads.from_osm.junction_areas import Layout
 from trace_dag.roads.from_osm.movements import JunctionArm, Movement
 from trace_dag.roads.from_osm.street_graph import Street, StreetGraph
-from trace_dag.roads.from_osm.street_roads import BuiltStreets
+from trace_dag.roads.from_osm.street_roads import BuiltStreets, edges_of_carriageway
 from trace_dag.roads.from_osm.tag_values import parse_length_m
 from trace_dag.roads.from_osm.turn_curves import TIGHTEST_RADIUS_M
 from trace_dag.roads.map.curves import PlanView

@@ -10,8 +10,9 @@ from typing import Final, TypeAlias
 
 from trace_dag.roads.from_osm.lanes import EndLane, SectionLanes, Stretch, build_sections
 from trace_dag.roads.from_osm.street_graph import Span, Street
+from trace_dag.roads.map.cubic_profile import CubicProfile
 from trace_dag.roads.map.curves import PlanView, cut_plan, drop_slivers
-from trace_dag.roads.map.model import Cubic, Road
+from trace_dag.roads.map.model import Cubic, LaneType, Road
 
 INFERRED_NAME: Final = "Driveway inferred from the crash report"
 _LEAST_STRETCH_M: Final = 10.0  # shorter stretches of a road have the lanes of their neighbour
@@ -20,6 +21,7 @@ _LEAST_PAINTED_M: Final = 5.0  # the same if turns are painted on the lanes
 _TURN_LANES_M: Final = 25.0  # least length of a stretch at a junction whose lanes differ from those before
 _LEAST_TAPER_RATIO: Final = 2.5  # least length of a taper per metre that lanes shift sideways
 _TAPER_RATIO: Final = 5.0  # the same where there is room
+_NOT_CARRIAGEWAY: Final = frozenset({LaneType.SIDEWALK, LaneType.NONE})
 
 
 @dataclass
@@ -238,6 +240,17 @@ def _road(road_id: str, plan: PlanView, sections: list[SectionLanes], way_ids: t
         inferred=profile.inferred,
         reversible=profile.reversible,
     )
+
+
+def edges_of_carriageway(road: Road, s_m: float) -> tuple[float, float]:
+    """Return the right and left edge of the carriageway at a station, metres left of the reference line."""
+    section = road.lane_sections[road.section_at(s_m)]
+    middle_m = CubicProfile.of(road.lane_offset).at(s_m)
+    reach = {1: 0.0, -1: 0.0}
+    for lane in section.lanes:
+        if lane.id and lane.type not in _NOT_CARRIAGEWAY:
+            reach[1 if lane.id > 0 else -1] += CubicProfile.of(lane.widths, origin_m=section.s_m).at(s_m)
+    return middle_m - reach[-1], middle_m + reach[1]
 
 
 def _is_constant(cubic: Cubic) -> bool:

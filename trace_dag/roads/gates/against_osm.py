@@ -81,12 +81,9 @@ class MapComparison:
 
     @cached_property
     def _node_xy(self) -> dict[int, tuple[float, float]]:
-        ids = list(self.extract.nodes)
-        if not ids:
-            return {}
-        lat = np.array([self.extract.nodes[i].latitude_deg for i in ids])
-        lon = np.array([self.extract.nodes[i].longitude_deg for i in ids])
-        return {i: (x, y) for i, (x, y) in zip(ids, self.network.frame.to_local(lat, lon).tolist(), strict=True)}
+        nodes = self.extract.nodes
+        places = self.extract.local_xy_m(nodes, self.network.frame).tolist()
+        return {node_id: (x, y) for node_id, (x, y) in zip(nodes, places, strict=True)}
 
     def way_line(self, way: OsmWay) -> FloatArray:
         """Return a way's nodes in the local frame, shape (n, 2), repeated points left out."""

@@ -10,6 +10,7 @@ import importlib.util
 import math
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
+from operator import itemgetter
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -21,10 +22,10 @@ from trace_dag.roads.gates import measures
 from trace_dag.roads.gates.against_osm import MapComparison
 from trace_dag.roads.map.lane_geometry import lane_ends, sample_at
 from trace_dag.roads.map.rules import roads_of
+from trace_dag.roads.map.separations import find_separations
 from trace_dag.roads.report import CrashPlacement, MapGate
 
 if TYPE_CHECKING:
-    from trace_dag.common.geometry import FloatArray
     from trace_dag.osm.types import OsmExtract
     from trace_dag.roads.map.network import RoadNetwork
     from trace_dag.roads.map.rules import StoredMap
@@ -187,11 +188,12 @@ def _curves(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
     """Yield gates that a car can drive every lane through a junction, and that no piece of line is too short."""
     turns = measures.tightest_turns(stored)
     names = ("turn_radius", "u_turn_radius")
-    for name, turn, limit_m in zip(names, turns, (limits.turn_radius_m, limits.u_turn_radius_m), strict=True):
-        if turn.road_id is None:
+    least_m = (limits.turn_radius_m, limits.u_turn_radius_m)
+    for name, (radius_m, road_id), limit_m in zip(names, turns, least_m, strict=True):
+        if road_id is None:
             yield MapGate(name, None, limit_m, "m", True, "no lane turns")
         else:
-            yield _at_least(name, turn.radius_m, limit_m, "m", f"road {turn.road_id}", turn.road_id)
+            yield _at_least(name, radius_m, limit_m, "m", f"road {road_id}", road_id)
     length_m, road_id = measures.shortest_element(stored)
     yield _at_least("shortest_element", length_m, limits.shortest_element_m, "m", f"road {road_id}", road_id or "")
 
@@ -229,41 +231,38 @@ def _geodesics(comparison: MapComparison, limits: MapLimits) -> MapGate:
         return MapGate(name, None, limits.geodesic_m, unit, None, detail)
     first, second = np.triu_indices(len(places), 1)
     on_map = np.hypot(*(places[first] - places[second]).T)
-    on_earth = _geodesic_m(Geod(ellps="WGS84"), geographic[first], geographic[second])
+    _, _, on_earth = Geod(ellps="WGS84").inv(*geographic[first, ::-1].T, *geographic[second, ::-1].T)
     spread = float(on_map.max())
     detail = f"{count_of(len(first), 'distance')} between {count_of(len(places), 'place')} up to {spread:.0f} m apart"
     return _at_most(name, float(np.abs(on_map - on_earth).max()), limits.geodesic_m, unit, detail)
 
 
-def _geodesic_m(geod: object, a_deg: FloatArray, b_deg: FloatArray) -> FloatArray:
-    return np.asarray(geod.inv(a_deg[:, 1], a_deg[:, 0], b_deg[:, 1], b_deg[:, 0])[2])  # type: ignore[attr-defined]
-
-
 def _heights(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
     main, ramp = measures.steepest_grades(stored)
-    for name, steepest, limit in (("grade", main, limits.grade), ("ramp_grade", ramp, limits.ramp_grade)):
-        detail = f"road {steepest.road_id}" if steepest.road_id is not None else "level"
+    for name, (grade, road_id), limit in (("grade", main, limits.grade), ("ramp_grade", ramp, limits.ramp_grade)):
+        detail = f"road {road_id}" if road_id is not None else "level"
         # The profile is fitted exactly to the limit, so rounding errors are allowed for.
-        passed = steepest.grade <= limit * (1 + 1e-3)
-        steep = () if passed or steepest.road_id is None else (steepest.road_id,)
-        yield MapGate(name, steepest.grade, limit, "rise over run", passed, detail, steep)
-    found = measures.crossings(stored)
-    separated = [crossing for crossing in found if crossing.separated]
+        passed = grade <= limit * (1 + 1e-3)
+        yield MapGate(name, grade, limit, "rise over run", passed, detail, () if passed or not road_id else (road_id,))
+    found = find_separations(stored)
+    separated = [crossing for crossing in found if crossing.levels_differ]
     level = "; ".join(
-        f"roads {' and '.join(each.road_ids)} cross at one level without a junction in OSM, at "
+        f"roads {' and '.join(road.id for road in each.roads)} cross at one level without a junction in OSM, at "
         f"({each.x_m:.0f}, {each.y_m:.0f})"
         for each in found
-        if not each.separated
+        if not each.levels_differ
     )
     if not separated:
         yield MapGate("clearance", None, limits.clearance_m, "m", True, level or "no road passes over another")
         return
-    lowest = min(separated, key=lambda crossing: crossing.clearance_m)
-    where = f"roads {lowest.road_ids[0]} and {lowest.road_ids[1]} at ({lowest.x_m:.0f}, {lowest.y_m:.0f})"
+    lowest_m, crossing = min(
+        ((measures.clearance_m(stored, crossing), crossing) for crossing in separated), key=itemgetter(0)
+    )
+    ids = tuple(road.id for road in crossing.roads)
+    where = f"roads {' and '.join(ids)} at ({crossing.x_m:.0f}, {crossing.y_m:.0f})"
     detail = "; ".join(filter(None, [f"{len(separated)} crossings of levels, lowest {where}", level]))
-    passed = lowest.clearance_m >= limits.clearance_m - 1e-3
-    roads = () if passed else lowest.road_ids
-    yield MapGate("clearance", lowest.clearance_m, limits.clearance_m, "m", passed, detail, roads)
+    passed = lowest_m >= limits.clearance_m - 1e-3
+    yield MapGate("clearance", lowest_m, limits.clearance_m, "m", passed, detail, () if passed else ids)
 
 
 def _for_people(stored: RoadNetwork, comparison: MapComparison, limits: MapLimits) -> Iterator[MapGate]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 import numpy as np
 import shapely
@@ -18,7 +18,7 @@ from trace_dag.roads.map.lane_geometry import lane_ends, sample_at, sample_lanes
 from trace_dag.roads.map.lane_index import polygon
 from trace_dag.roads.map.model import LaneRef, LaneType
 from trace_dag.roads.map.reference_line import Stations, sample_reference_lines, stations_between
-from trace_dag.roads.map.separations import find_separations
+from trace_dag.roads.map.separations import Separation
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -181,22 +181,21 @@ def _named(ref: LaneRef) -> str:
     return f"lane {ref.lane_id} of road {ref.road_id}, section {ref.section}"
 
 
-class TightestTurn(NamedTuple):
-    """Least radius (m) of a lane's centre in a junction, infinite if all are straight, and its road."""
-
-    radius_m: float
-    road_id: str | None
+Extreme: TypeAlias = tuple[float, str | None]
+"""The worst value of a map's roads, and its road; None if no road has one."""
 
 
-def tightest_turns(network: RoadNetwork) -> tuple[TightestTurn, TightestTurn]:
-    """Return the tightest turn of all lanes through junctions, and the tightest of U-turns (``u_turn``).
+def tightest_turns(network: RoadNetwork) -> tuple[Extreme, Extreme]:
+    """Return the least radius (m) of the lanes through junctions, and that of U-turns (``u_turn``).
+
+    It is infinite if all are straight.
 
     >>> turns, u_turns = tightest_turns(network)
-    >>> turns.radius_m < 10, u_turns.road_id is None  # corners of the crossing; no U-turn
-    (True, True)
+    >>> turns[0] < 10, u_turns  # corners of the crossing; no U-turn
+    (True, (inf, None))
     """
     refs = [ref for road in network.roads if road.junction_id is not None for ref in network.drivable_lanes_of(road)]
-    tightest = {u_turn: TightestTurn(math.inf, None) for u_turn in (False, True)}
+    tightest: dict[bool, Extreme] = dict.fromkeys((False, True), (math.inf, None))
     if refs:
         lanes = [network.geometry(ref) for ref in refs]
         spans_m = np.array([(lane.begin_m, lane.end_m) for lane in lanes])
@@ -210,75 +209,47 @@ def tightest_turns(network: RoadNetwork) -> tuple[TightestTurn, TightestTurn]:
         least_m[np.maximum.reduceat(turned, stations.first) == 0.0] = math.inf
         for ref, radius_m in zip(refs, least_m.tolist(), strict=True):
             u_turn = network.road_by_id[ref.road_id].turn == "u_turn"
-            if radius_m < tightest[u_turn].radius_m:
-                tightest[u_turn] = TightestTurn(radius_m, ref.road_id)
+            if radius_m < tightest[u_turn][0]:
+                tightest[u_turn] = radius_m, ref.road_id
     return min(tightest.values()), tightest[True]
 
 
-def shortest_element(network: RoadNetwork) -> tuple[float, str | None]:
+def shortest_element(network: RoadNetwork) -> Extreme:
     """Return the length (m) of the shortest piece of a reference line, and the road it is in."""
     return min(
         ((element.length_m, road.id) for road in network.roads for element in road.plan), default=(math.inf, None)
     )
 
 
-class SteepestGrade(NamedTuple):
-    """Largest absolute grade (rise over run) and the road it is on."""
-
-    grade: float
-    road_id: str | None
-
-
-def steepest_grades(network: RoadNetwork) -> tuple[SteepestGrade, SteepestGrade]:
-    """Return the steepest main road, and the steepest ramp or driveway.
+def steepest_grades(network: RoadNetwork) -> tuple[Extreme, Extreme]:
+    """Return the largest absolute grade (rise over run) of main roads, and that of ramps and driveways.
 
     Ramps and driveways are ``*_link``, ``service`` and their movements.
 
-    >>> [steepest.grade for steepest in steepest_grades(network)]  # the town's plan is flat here
-    [0.0, 0.0]
+    >>> steepest_grades(network)  # the town's plan is flat here
+    ((0.0, None), (0.0, None))
     """
     minor = {road.id for road in network.roads if road.is_ramp or road.highway == "service"}
     for road in network.roads:
         if road.junction_id is not None and not minor.isdisjoint(road.linked_roads):
             minor.add(road.id)
-    steepest = {False: SteepestGrade(0.0, None), True: SteepestGrade(0.0, None)}
+    steepest: dict[bool, Extreme] = dict.fromkeys((False, True), (0.0, None))
     for road in network.roads:
         geometry = network.road_geometry(road.id)
         if geometry.elevation.constant is not None:
             continue
         grade = float(np.abs(geometry.elevation.sample_slope(geometry.line.stations(1.0))).max())
-        if grade > steepest[road.id in minor].grade:
-            steepest[road.id in minor] = SteepestGrade(grade, road.id)
+        if grade > steepest[road.id in minor][0]:
+            steepest[road.id in minor] = grade, road.id
     return steepest[False], steepest[True]
 
 
-class RoadCrossing(NamedTuple):
-    """Two roads that cross in plan without meeting in a junction."""
-
-    road_ids: tuple[str, str]
-    x_m: float
-    y_m: float
-    clearance_m: float
-    separated: bool
-    """True where OSM has one pass above the other (layer, bridge or tunnel differ)."""
-
-
-def crossings(network: RoadNetwork) -> list[RoadCrossing]:
-    """Return crossings of reference lines whose roads share neither junction nor link.
-
-    >>> crossings(network)
-    []
-    """
-    found = []
-    for crossing in find_separations(network):
-        heights = [
-            network.road_geometry(road.id).height_at(s_m)
-            for road, s_m in zip(crossing.roads, crossing.s_m, strict=True)
-        ]
-        ids = (crossing.roads[0].id, crossing.roads[1].id)
-        clearance_m = abs(heights[0] - heights[1])
-        found.append(RoadCrossing(ids, crossing.x_m, crossing.y_m, clearance_m, crossing.levels_differ))
-    return found
+def clearance_m(network: RoadNetwork, crossing: Separation) -> float:
+    """Return the height between the surfaces of two roads that cross without meeting."""
+    one, other = (
+        network.road_geometry(road.id).height_at(s_m) for road, s_m in zip(crossing.roads, crossing.s_m, strict=True)
+    )
+    return abs(one - other)
 
 
 # --- axes of roads ---------------------------------------------------------------------------------------------------

@@ -79,11 +79,8 @@ def check_in_scope(
 
 def _is_far(way: OsmWay, network: RoadNetwork, extract: OsmExtract, placement: CrashPlacement) -> bool:
     """Return whether a way lies farther from the crash than the beginning of any usable road."""
-    nodes = [extract.nodes[node_id] for node_id in way.node_ids]
-    line = network.frame.to_local(
-        np.array([node.latitude_deg for node in nodes]), np.array([node.longitude_deg for node in nodes])
-    )
-    return bool(shapely.LineString(line).distance(shapely.Point(placement.x_m, placement.y_m)) >= _IN_USE_M)
+    line = shapely.LineString(extract.local_xy_m(way.node_ids, network.frame))
+    return bool(line.distance(shapely.Point(placement.x_m, placement.y_m)) >= _IN_USE_M)
 
 
 def roads_in_use(network: RoadNetwork, placement: CrashPlacement) -> frozenset[str]:
@@ -101,12 +98,10 @@ def data_ends(network: RoadNetwork, extract: OsmExtract, placement: CrashPlaceme
     >>> data_ends(network, extract, map_report.placement)  # the sample's map reaches beyond the box
     ()
     """
-    nodes = [node for node in extract.nodes.values() if node.clipped and node.id > 0]
+    nodes = [node.id for node in extract.nodes.values() if node.clipped and node.id > 0]
     if not nodes:
         return ()
-    places = network.frame.to_local(
-        np.array([node.latitude_deg for node in nodes]), np.array([node.longitude_deg for node in nodes])
-    )
+    places = extract.local_xy_m(nodes, network.frame)
     begins_m = _distances_m(network, placement)
     here = {placement.road_id, *placement.cross_road_ids}
     found = []

@@ -45,6 +45,11 @@ class PlanPose(NamedTuple):
     y_m: float
     heading_rad: float
 
+    def beside(self, left_m: float) -> PlanPose:
+        """Return the pose this far to the left, metres."""
+        x, y, heading = self
+        return PlanPose(x - left_m * math.sin(heading), y + left_m * math.cos(heading), heading)
+
 
 class PlanView(NamedTuple):
     """Elements of a reference line, its length, and ``s_m`` of each vertex of the polyline it was fitted to."""

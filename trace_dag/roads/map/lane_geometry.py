@@ -80,19 +80,10 @@ class RoadGeometry:
         self._section_lines: dict[tuple[float, float], SectionLine] = {}
 
     def section_line(self, begin_m: float, end_m: float) -> SectionLine:
-        """Return the reference line between the ends of a lane section."""
+        """Return the reference line between the ends of a lane section, sampled once."""
         if (begin_m, end_m) not in self._section_lines:
-            (made,) = sample_sections([self], np.array([begin_m]), np.array([end_m]))
-            self._section_lines[begin_m, end_m] = made
+            _sample_section_lines([(self, begin_m, end_m)])
         return self._section_lines[begin_m, end_m]
-
-    def has_section_line(self, begin_m: float, end_m: float) -> bool:
-        """Return whether the reference line between these ends has been sampled."""
-        return (begin_m, end_m) in self._section_lines
-
-    def keep_section_line(self, begin_m: float, end_m: float, line: SectionLine) -> None:
-        """Store a line for :meth:`section_line` that was sampled together with others."""
-        self._section_lines[begin_m, end_m] = line
 
     def section_span(self, index: int) -> tuple[float, float]:
         """Return ``s_m`` of the beginning and the end of a lane section."""
@@ -193,11 +184,6 @@ class LaneGeometry:
         return self.sample(stations if self.direction > 0 else stations[::-1])
 
     @property
-    def is_sampled(self) -> bool:
-        """Return whether the lane has been sampled."""
-        return self._samples is not None
-
-    @property
     def samples(self) -> LaneSamples:
         """Return the lane as points, which are sampled once."""
         if self._samples is None:
@@ -205,20 +191,11 @@ class LaneGeometry:
         assert self._samples is not None
         return self._samples
 
-    def keep_samples(self, samples: LaneSamples) -> None:
-        """Store samples for :attr:`samples` that were made together with others."""
-        self._samples = samples
-
     def borders(self) -> tuple[FloatArray, FloatArray]:
         """Return the left and right border in the direction of travel, shape (n, 3) each."""
         _, _, inner, outer = self.samples  # where traffic keeps to the right, the reference line is left of its lanes
         left, right = (outer, inner) if self.road.road.left_hand else (inner, outer)
         return (left, right) if self.direction > 0 else (left[::-1], right[::-1])
-
-    @property
-    def search_line(self) -> FloatArray:
-        """Return the coarse centre along increasing ``s``, shape (n, 2), for spatial indexes."""
-        return self.samples.centre_m[:, :2]
 
     def project(self, x_m: float, y_m: float) -> LaneProjection:
         """Return a point's exact coordinates in the lane; the inverse of :meth:`pose` within the lane's span."""
@@ -243,38 +220,27 @@ def lane_ends(lanes: Sequence[LaneGeometry]) -> Stations:
     return Stations(ends_m, np.repeat(np.arange(len(lanes)), 2), 2 * np.arange(len(lanes)))
 
 
-def sample_sections(roads: Sequence[RoadGeometry], begin_m: FloatArray, end_m: FloatArray) -> list[SectionLine]:
-    """Return the reference lines of several lane sections.
-
-    Each is along its road from ``begin_m`` to ``end_m``, (n,) each, in metres.
-
-    >>> road = network.geometry(map_report.placement.lane.lane).road
-    >>> (line,) = sample_sections([road], np.array([0.0]), np.array([10.0]))
-    >>> line.stations_m.min(), line.stations_m.max()
-    (np.float64(0.0), np.float64(10.0))
-    """
-    stations = stations_between(begin_m, end_m, LANE_STEP_M)
+def _sample_section_lines(sections: Sequence[tuple[RoadGeometry, float, float]]) -> None:
+    """Sample the reference lines of several lane sections: roads, and where along each a section begins and ends."""
+    roads, begins_m, ends_m = zip(*sections, strict=True)
+    stations = stations_between(np.array(begins_m), np.array(ends_m), LANE_STEP_M)
     line = sample_reference_lines([road.line for road in roads], stations)
     height_m = sample_profiles([road.elevation for road in roads], stations)
     sine, cosine = np.sin(line[:, 2]), np.cos(line[:, 2])
-    return [
-        SectionLine(stations.s_m[where], line[where], height_m[where], sine[where], cosine[where])
-        for where in stations.slices
-    ]
+    for (road, begin_m, end_m), where in zip(sections, stations.slices, strict=True):
+        made = SectionLine(stations.s_m[where], line[where], height_m[where], sine[where], cosine[where])
+        road._section_lines[begin_m, end_m] = made
 
 
 def sample_lanes(lanes: Iterable[LaneGeometry]) -> None:
     """Sample the lanes that have no samples yet."""
-    wanted = [lane for lane in dict.fromkeys(lanes) if not lane.is_sampled]
+    wanted = [lane for lane in dict.fromkeys(lanes) if lane._samples is None]
     if not wanted:
         return
-    sections = {(lane.road, lane.begin_m, lane.end_m): None for lane in wanted}
-    missing = [each for each in sections if not each[0].has_section_line(*each[1:])]
+    sections = dict.fromkeys((lane.road, lane.begin_m, lane.end_m) for lane in wanted)
+    missing = [each for each in sections if each[1:] not in each[0]._section_lines]
     if missing:
-        roads, begin_m, end_m = zip(*missing, strict=True)
-        made = sample_sections(roads, np.array(begin_m), np.array(end_m))
-        for (road, begin, end), section_line in zip(missing, made, strict=True):
-            road.keep_section_line(begin, end, section_line)
+        _sample_section_lines(missing)
     lines = [lane.road.section_line(lane.begin_m, lane.end_m) for lane in wanted]
     counts = np.array([len(line.stations_m) for line in lines])
     owner = np.repeat(np.arange(len(lines)), counts)
@@ -285,7 +251,7 @@ def sample_lanes(lanes: Iterable[LaneGeometry]) -> None:
     outward_m = np.sign([lane.lane.id for lane in wanted])[owner] * half_m
     points = together.beside(centre_m), together.beside(centre_m - outward_m), together.beside(centre_m + outward_m)
     for lane, line, where in zip(wanted, lines, stations.slices, strict=True):
-        lane.keep_samples(LaneSamples(line.stations_m, *(each[where] for each in points)))
+        lane._samples = LaneSamples(line.stations_m, *(each[where] for each in points))
 
 
 def sample_at(lanes: Sequence[LaneGeometry], stations: Stations) -> FloatArray:

@@ -87,7 +87,7 @@ class _Lines(NamedTuple):
 
     @classmethod
     def of(cls, lanes: list[tuple[LaneRef, LaneGeometry]]) -> _Lines:
-        lines = [geometry.search_line for _, geometry in lanes]
+        lines = [geometry.samples.centre_m[:, :2] for _, geometry in lanes]
         first = np.cumsum([0, *(len(line) for line in lines[:-1])])
         reach_m = np.array([_widest_m(geometry) / 2 + _SEARCH_M for _, geometry in lanes])
         return cls(lanes, np.concatenate(lines), first, reach_m)

@@ -12,7 +12,7 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Self
 
 
 class LaneType(StrEnum):
@@ -62,6 +62,12 @@ class Cubic:
     b: float = 0.0
     c: float = 0.0
     d: float = 0.0
+
+    @classmethod
+    def between(cls, s_m: float, start_m: float, end_m: float, length_m: float) -> Self:
+        """Return the cubic from one value to another within a length, level at both ends."""
+        rise_m = end_m - start_m
+        return cls(s_m, start_m, 0.0, 3 * rise_m / length_m**2, -2 * rise_m / length_m**3)
 
 
 @dataclass(frozen=True)

@@ -278,10 +278,6 @@ class RoadNetwork:
         """
         return self._index.roads_within(box_m)
 
-    def surface_height_m(self, ref: LaneRef, s_m: float) -> float:
-        """Return the height of the road surface at ``s_m``."""
-        return self._lanes[ref].road.height_at(s_m)
-
     def __getstate__(self) -> dict[str, object]:
         """Return the fields only; cached results of queries are not sent to other processes."""
         return {field.name: getattr(self, field.name) for field in fields(self)}

@@ -70,14 +70,14 @@ def roadside_at(network: RoadNetwork, x_m: float, y_m: float, *, z_m: float | No
     along_rad = network.pose(lane.lane, lane.s_m).heading_rad
     left = lane.offset_m > 0
     inside = lane.outside_m <= 0
-    height_m = network.surface_height_m(lane.lane, lane.s_m)
-    beyond_m = -_to_edge_m(network, x_m, y_m, height_m) if inside else lane.outside_m
+    beyond_m = -_to_edge_m(network, lane, x_m, y_m) if inside else lane.outside_m
     shoulder_m = _shoulder_m(network, lane, left=left)
     zone = RoadZone.ROADWAY if inside else _zone(network, near, beyond_m, shoulder_m, (x_m, y_m))
     return RoadsidePlace(lane, along_rad, left, beyond_m, shoulder_m, zone)
 
 
-def _to_edge_m(network: RoadNetwork, x_m: float, y_m: float, z_m: float) -> float:
+def _to_edge_m(network: RoadNetwork, lane: LaneMatch, x_m: float, y_m: float) -> float:
+    z_m = network.road_geometry(lane.lane.road_id).height_at(lane.s_m)
     area = network.carriageway_near(x_m, y_m, _LOOK_AROUND_M, z_m=z_m)
     return abs(float(area.beyond_m(np.array([x_m]), np.array([y_m]))[0]))
 

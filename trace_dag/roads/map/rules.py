@@ -25,8 +25,6 @@ from trace_dag.roads.map.link_rules import broken_links
 from trace_dag.roads.map.reader import network_of, parse_opendrive
 
 if TYPE_CHECKING:
-    from lxml import etree
-
     from trace_dag.roads.map.network import RoadNetwork
 
 _POSITION_TOLERANCE_M: Final = 1e-3
