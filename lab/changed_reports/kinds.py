@@ -11,12 +11,21 @@ from typing import Final, TypeAlias
 from lab.changed_reports import crash, people, vehicles
 from lab.changed_reports.report import ChangedReport
 from lab.changed_reports.scene import PerturbedScene
-from trace_dag.crash.event_sequence import first_event_kind
+from trace_dag.common.errors import Rejection
+from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.parties import EventKind
-from trace_dag.crash.record import PreCrashMovement
+from trace_dag.crash.record import CrashRecord, PreCrashMovement
 
 Change: TypeAlias = Callable[[ChangedReport, PerturbedScene], str | None]
 """Changes a report in place and says in words what was changed; None where that does not apply to the crash."""
+
+
+def begins_with(record: CrashRecord) -> EventKind | None:
+    """Return the kind of the first harmful event of a crash; None if the report does not tell the sequence."""
+    try:
+        return sequence_of(record).first.kind
+    except Rejection:
+        return None
 
 
 class Needs(StrEnum):
@@ -66,7 +75,7 @@ def perturb(kind: PerturbationKind, report: bytes, scene: PerturbedScene) -> Cha
     >>> changed.detail, b'"IMPACT1": "6"' in changed.report
     ('areas of vehicle 1 turned by 3 h', True)
     """
-    if first_event_kind(scene.record) not in kind.of:
+    if begins_with(scene.record) not in kind.of:
         return None
     changed = ChangedReport(report)
     before = changed.to_bytes()

@@ -11,14 +11,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
-from lab.changed_reports.kinds import KINDS, PERTURBED, Needs, PerturbationKind
+from lab.changed_reports.kinds import KINDS, PERTURBED, Needs, PerturbationKind, begins_with
 from lab.changed_reports.rows import FARTHEST_M, Change, PerturbedRow, PerturbTask, draw_stream, perturb_all
 from trace_dag.common.errors import DamagedFile, Failure, Rejection, UserError
 from trace_dag.common.messages.progress import OnProgress, silent
 from trace_dag.common.settings import StateSettings
-from trace_dag.crash.event_sequence import first_event_kind
 from trace_dag.crash.keys import FARS
-from trace_dag.crash.parties import EventKind
 from trace_dag.flow.artefacts import EXTRACT, RECORD, VERDICT
 from trace_dag.flow.batch import work_of
 from trace_dag.flow.cohorts.registry import RegisteredMap
@@ -108,7 +106,7 @@ def perturbed_controls(
         raise UserError(f"cohort {cohort!r}: {asked}; only verified crashes are perturbed")
     tasks: list[PerturbTask] = []
     for begins in sorted(PERTURBED):
-        alike = [each for each in verified if _begins(each) is begins]
+        alike = [each for each in verified if begins_with(each.load(RECORD)) is begins]
         asked_for = [each for each in alike if not request.only or each.key in request.only]
         crashes = draw_sample(asked_for, request.most, request.seed)
         tasks += _tasks(workspace, crashes, alike, [kind for kind in kinds if begins in kind.of], request)
@@ -122,11 +120,7 @@ def _is_verified(crash: CrashFiles) -> bool:
     words."""
     if not crash.has(VERDICT) or crash.load(RECORD).register != FARS:
         return False
-    return crash.load(VERDICT).verified and _begins(crash) in PERTURBED
-
-
-def _begins(crash: CrashFiles) -> EventKind | None:
-    return first_event_kind(crash.load(RECORD))
+    return crash.load(VERDICT).verified and begins_with(crash.load(RECORD)) in PERTURBED
 
 
 def _tasks(

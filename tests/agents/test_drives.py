@@ -12,7 +12,7 @@ from tests.agents.cases import case
 from tests.simulation.motions import driven, participant, straight
 from tests.simulation.test_towing import combination
 from tests.verdict.crashes import STREET
-from trace_dag.crash.codes.bodies import TRACTOR_OF_TRAILER
+from trace_dag.crash.codes.bodies import BODIES
 from trace_dag.scenario.drives import STEP_S, course_of, drives_of
 
 RADIUS_M, SPEED_MPS = 20.0, 5.0
@@ -24,7 +24,7 @@ def test_a_trailer_goes_on_behind_whoever_pulls_it() -> None:
     formula, SAE J695)."""
     until_s = 1.9 * math.pi * RADIUS_M / SPEED_MPS
     turn = driven(0.0, 0.0, 0.0, lambda _: SPEED_MPS, lambda _: 1 / RADIUS_M, until_s=until_s)
-    pulls = combination(TRACTOR_OF_TRAILER, turn)
+    pulls = combination(BODIES["tractor_of_trailer"], turn)
     stands = participant(2, straight(200.0, 0.0, 0.0, 0.0, until_s=7.0))
     puller, _, towed = drives_of(case(STREET, pulls, stands, impact_time_s=until_s - 5.0))
     assert (towed.number, towed.is_driven, towed.participant.body.is_trailer) == (3001, False, True)

@@ -3,12 +3,13 @@ them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 from xml.sax.saxutils import escape
 
 from trace_dag.common.errors import Rejection
 from trace_dag.common.settings import CrashSettings
-from trace_dag.crash.completeness import check
+from trace_dag.crash.completeness import Rule, check
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord
 
@@ -68,6 +69,11 @@ def rejection(record: CrashRecord, settings: CrashSettings) -> Rejection | None:
     except Rejection as found:
         return found
     return None
+
+
+def shortcomings(record: CrashRecord, rules: Sequence[Rule]) -> list[str]:
+    """The sentence of each rule that a record falls short of."""
+    return [detail for rule in rules if (detail := rule.shortcoming(record)) is not None]
 
 
 def parties(record: CrashRecord) -> list[tuple[int, int | None, int | None]]:

@@ -9,13 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from trace_dag.common.data_files import read_csv
 from trace_dag.crash.codes import elements
-from trace_dag.crash.codes.bodies import BODY_TYP
-from trace_dag.crash.codes.table import CodeTable, UnknownCodeError
+from trace_dag.crash.codes.table import UnknownCodeError, code_table
 
-TABLES: dict[str, CodeTable] = {
-    table.element: table for table in vars(elements).values() if isinstance(table, CodeTable)
-} | {"BODY_TYP": BODY_TYP}
+TABLES = {row["variable"]: code_table(row["variable"]) for row in read_csv("trace_dag.crash.codes", "codes.csv")}
 OLDER_NAMES = {"MDRMANAV": "MANEUVER"}
 WITHOUT_WORDS = ("PEDCTYPE", "BIKECTYPE")  # types of crashes, of which rules take the codes alone
 YEARS = range(2014, 2024)

@@ -124,9 +124,9 @@ def test_every_crash_is_as_likely_as_another() -> None:
 @given(listings, st.integers(0, 5))
 def test_stratified_samples_cover_every_class_there_is_soon(crashes: list[CrashListing], seed: int) -> None:
     """Each choice adds at least one class until all are covered, so as many choices as classes suffice."""
-    classes = {(index, each(listing)) for listing in crashes for index, each in enumerate(COVERAGE_DIMENSIONS)}
+    classes = {(each, getattr(listing, each)) for listing in crashes for each in COVERAGE_DIMENSIONS}
     chosen = stratified_sample(crashes, max(1, len(classes)), seed=seed)
-    assert {(index, each(listing)) for listing in chosen for index, each in enumerate(COVERAGE_DIMENSIONS)} == classes
+    assert {(each, getattr(listing, each)) for listing in chosen for each in COVERAGE_DIMENSIONS} == classes
 
 
 def test_stratified_samples_are_more_even_than_random_ones(shared_data: Path) -> None:
@@ -136,7 +136,7 @@ def test_stratified_samples_are_more_even_than_random_ones(shared_data: Path) ->
     two = select(FarsCsvSource.open(folder).listings(), CohortFilter(min_vehicles=2, max_vehicles=2))
 
     def unevenness(chosen: list[CrashListing]) -> float:
-        counts = Counter(each(listing) for each in COVERAGE_DIMENSIONS for listing in chosen)
+        counts = Counter((each, getattr(listing, each)) for each in COVERAGE_DIMENSIONS for listing in chosen)
         return sum(count**2 for count in counts.values())
 
     stratified = unevenness(stratified_sample(two, 25, seed=1))

@@ -6,16 +6,15 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from crash_reports import read, rejection, report
+from crash_reports import read, rejection, report, shortcomings
 
 from trace_dag.common.errors import Reason, UserError
 from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.classes import CrashKind, kind_of_codes
-from trace_dag.crash.completeness import RULES, check, shortcomings
+from trace_dag.crash.completeness import RULES, check
 from trace_dag.crash.fars.csv_tables import FarsCsvSource
 from trace_dag.crash.listing import list_report
 from trace_dag.crash.parse import read_report
-from trace_dag.crash.record import CrashRecord
 
 PERSON = {"VEH_NO": 0, "PER_NO": 1, "PER_TYP": 5, "STR_VEH": 1, "AGE": 40, "LOCATION": 11}
 STRUCK = {"SOE": 8, "VNUMBER2": 9999, "AOI2": 77}
@@ -150,23 +149,19 @@ def test_kinds_are_a_filter_of_the_user() -> None:
 # --- completeness by role ------------------------------------------------------------------------------------------
 
 
-def lacks(record: CrashRecord) -> list[str]:
-    return [detail for _, detail in shortcomings(record, RULES)]
-
-
 @pytest.mark.parametrize("own", [{"TRAV_SP": 0}, {"IMPACT1": 6}])
 def test_standing_and_rear_struck_vehicles_need_no_course(own: dict[str, int]) -> None:
     crash = {"HARM_EV": 42, "MAN_COLL": 0}
     silent = SILENT | {"VEH_NO": 2}
     events = [{"AOI2": own.get("IMPACT1", 3)}]
-    assert lacks(read(report(crash, [{"ACC_TYPE": 98}, silent | own], events))) == []
-    assert lacks(read(report(crash, [{"ACC_TYPE": 98}, silent | {"IMPACT1": 3}], [{}]))) != []
+    assert shortcomings(read(report(crash, [{"ACC_TYPE": 98}, silent | own], events)), RULES) == []
+    assert shortcomings(read(report(crash, [{"ACC_TYPE": 98}, silent | {"IMPACT1": 3}], [{}])), RULES) != []
 
 
 def test_fields_needed_by_a_crash_with_a_person() -> None:
     def of(vehicle: dict[str, object], person: dict[str, object], zone: int = 1) -> list[str]:
         data = report(ONE | {"REL_ROAD": zone}, [vehicle], [STRUCK], {"NPersons": [("Person", PERSON | person)]})
-        return lacks(read(data))
+        return shortcomings(read(data), RULES)
 
     assert of({}, {}) == []
     (course,) = of(SILENT, {})

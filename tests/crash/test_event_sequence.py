@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from crash_reports import Children, read, rejection, report
 
-from trace_dag.common.errors import Reason
+from trace_dag.common.errors import Reason, Rejection
 from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.crash_types import DepartureSide
-from trace_dag.crash.event_sequence import CrashEvent, EventSequence, Missing, event_sequence, sequence_of
+from trace_dag.crash.event_sequence import CrashEvent, EventSequence, sequence_of
 from trace_dag.crash.parties import EventKind, PartyKind
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.road_departure import DepartureManner, departure_of
@@ -49,13 +49,11 @@ def clocks(event: CrashEvent) -> list[float | None]:
     return [vehicle.impact and vehicle.impact.clock_h for vehicle in event.vehicles]
 
 
-def missing(record: CrashRecord) -> Missing:
-    found = event_sequence(record)
-    assert isinstance(found, Missing)
-    with pytest.raises(ValueError, match=record.key):
+def missing(record: CrashRecord) -> Rejection:
+    with pytest.raises(Rejection) as found:
         sequence_of(record)
     assert rejection(record, CrashSettings()) is not None
-    return found
+    return found.value
 
 
 # --- events, their order and their parties ---------------------------------------------------------------------------
@@ -237,7 +235,7 @@ def test_a_parked_vehicle_may_be_reported_by_a_count_alone() -> None:
 def test_gaps_of_a_report_without_events_are_not_guessed(crash: Children, vehicles: list[Children], says: str) -> None:
     found = missing(read(report(crash, vehicles, [])))
     assert found.reason is Reason.INCOMPLETE_SEQUENCE
-    assert found.sentence.startswith(says)
+    assert found.detail.startswith(says)
 
 
 # --- who took part ---------------------------------------------------------------------------------------------------
@@ -254,7 +252,7 @@ def test_gaps_of_a_report_without_events_are_not_guessed(crash: Children, vehicl
 def test_unknown_parties_are_named(crash: Children, events: list[Children], says: str) -> None:
     harm = events[0].get("SOE", 12)
     found = missing(read(report(THREE | {"HARM_EV": harm} | crash, VEHICLES, events)))
-    assert found == Missing(Reason.INCOMPLETE_SEQUENCE, says)
+    assert (found.reason, found.detail) == (Reason.INCOMPLETE_SEQUENCE, says)
 
 
 def test_one_that_only_overturned_has_its_part() -> None:
@@ -267,7 +265,7 @@ def test_the_struck_one_of_several_persons_has_to_be_reported() -> None:
     persons = [("Person", PERSON | {"PER_NO": number, "STR_VEH": None}) for number in (1, 2)]
     strikes = numbered(*(PERSON_STRUCK | {"VNUMBER1": number} for number in (1, 2, 3)))
     record = read(report(THREE | {"HARM_EV": 8}, VEHICLES, strikes, {"NPersons": persons}))
-    assert missing(record).sentence == "event 1 does not say which of 2 persons was struck"
+    assert missing(record).detail == "event 1 does not say which of 2 persons was struck"
 
 
 def test_a_later_event_off_the_road_whose_vehicle_is_open_refuses_nothing() -> None:
@@ -292,9 +290,9 @@ def test_a_crash_is_not_modelled_where_its_first_harmful_event_is_not(code: int,
     harm = NOBODY | {"SOE": code}
     found = missing(of_one(harm, TREE, harm=code))
     assert found.reason is Reason.NOT_MODELLED
-    assert says in found.sentence.lower()
-    assert f"(SOE {code})" in found.sentence
-    assert "(SOE 42)" in found.sentence  # and what came after
+    assert says in found.detail.lower()
+    assert f"(SOE {code})" in found.detail
+    assert "(SOE 42)" in found.detail  # and what came after
     later = sequence_of(of_one(OFF_RIGHT, TREE, harm, harm=42))
     assert [event.number for event in later.events] == [2]
     assert [event.code for event in later.not_modelled] == [code]

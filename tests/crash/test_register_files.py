@@ -12,8 +12,8 @@ from trace_dag.common.errors import UserError
 from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.classes import CrashKind
 from trace_dag.crash.record import CrashRecord
-from trace_dag.crash.registers.new_mapping import check_table
 from trace_dag.crash.registers.table import RegisterTable
+from trace_dag.crash.registers.table_check import check_table
 
 HEAD = """
 register = "mine"

@@ -6,7 +6,7 @@ import pytest
 
 from trace_dag.common.errors import UserError
 from trace_dag.crash.record import Octant
-from trace_dag.crash.registers.new_mapping import guess_mapping
+from trace_dag.crash.registers.guess import guess_mapping
 from trace_dag.crash.registers.table import RegisterTable
 
 UNITS = """report,when,lat,lon,street,cross,manner,junction,hurt,move,heading,driver

@@ -21,7 +21,7 @@ from trace_dag.common.errors import Failure, Reason, Rejection
 from trace_dag.common.units import clock_difference_h, clock_to_bearing_rad
 from trace_dag.crash.crash_types import CRASH_TYPES
 from trace_dag.crash.derive import impact_area
-from trace_dag.crash.event_sequence import first_event_kind
+from trace_dag.crash.event_sequence import sequence_of
 from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import ImpactArea, PreCrashMovement, VehicleClass
 from trace_dag.reconstruction.alternatives import bearing_from_rad
@@ -80,7 +80,7 @@ def test_reported_speeds_are_kept_exactly(sample):
 
 def test_motion_of_every_kept_hypothesis_holds_before_independent_judges(sample):
     records = {case.key: case.record for case in sample_cases()}
-    met_first = [key for key in sample if first_event_kind(records[key]) is EventKind.VEHICLE_CONTACT]
+    met_first = [key for key in sample if sequence_of(records[key]).first.kind is EventKind.VEHICLE_CONTACT]
     kept = [hypothesis for key in met_first for hypothesis in sample[key].hypotheses]
     assert len(kept) > len(met_first) > 30
     for hypothesis in kept:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from trace_dag.common.geometry import Pose, contact_clock_h, gaps_m, rectangle_corners
 from trace_dag.common.paths import Path, TurnShape, straight, turned
 from trace_dag.common.units import bearing_to_clock_h, clock_difference_h
-from trace_dag.crash.codes.bodies import TRACTOR_OF_TRAILER
+from trace_dag.crash.codes.bodies import BODIES
 from trace_dag.crash.vehicles import trailer_of
 from trace_dag.reconstruction.motion.contact import Mover, find_contact_points, first_contacts
 
@@ -143,7 +143,7 @@ def test_a_turning_body_is_followed_along_its_curve():
 def test_a_trailer_behind_can_be_what_is_touched_first() -> None:
     """A car that comes from the right after the tractor has passed meets the side of its trailer, where the semitrailer
     of 16.15 m behind a tractor of 7 m is then; clock positions are those of both in line, 21.14 m."""
-    trailer = trailer_of(TRACTOR_OF_TRAILER, 1)
+    trailer = trailer_of(BODIES["tractor_of_trailer"], 1)
     rig = Mover(straight(Pose(0, 0, 0), back_m=200, ahead_m=200), 212, 10.0, 7.0, 2.5, trailer=trailer)
     car = Mover(straight(Pose(0, 0, math.pi / 2), back_m=200, ahead_m=200), 200, 10.0, 4.8, 1.9)
     contacts = first_contacts(rig, car, timings=1)
@@ -159,7 +159,7 @@ def test_a_trailer_behind_can_be_what_is_touched_first() -> None:
 def test_one_who_stands_in_a_bend_has_its_trailer_along_the_bend() -> None:
     """Behind a tractor that is half way round a bend the trailer has hardly turned: a car that comes along the old
     street behind it meets the trailer's rear."""
-    trailer = trailer_of(TRACTOR_OF_TRAILER, 1)
+    trailer = trailer_of(BODIES["tractor_of_trailer"], 1)
     assert trailer is not None
     s = np.arange(0.0, 120.0, 0.5)
     bend_rad = np.clip((s - 80.0) / 20.0, 0.0, math.pi / 2)

@@ -11,7 +11,7 @@ import pytest
 from tests.simulation.motions import CAR, driven, log_of, participant, straight
 from trace_dag.common.geometry import FloatArray, contact_clock_h
 from trace_dag.common.settings import SimSettings
-from trace_dag.crash.codes.bodies import PICKUP, TRACTOR_OF_TRAILER, ReportedBody
+from trace_dag.crash.codes.bodies import BODIES, ReportedBody
 from trace_dag.crash.trailer import Trailer
 from trace_dag.crash.vehicles import trailer_of
 from trace_dag.simulation.dynamics import Vehicle
@@ -57,7 +57,7 @@ def test_the_trailer_cuts_the_corner_as_far_as_geometry_states(radius_m: float, 
     turn = driven(
         0.0, 0.0, 0.0, lambda _: speed_mps, lambda _: 1 / radius_m, until_s=1.9 * math.pi * radius_m / speed_mps
     )
-    log = run(combination(TRACTOR_OF_TRAILER, turn), time_limit_s=float(turn.time_s[-1]))
+    log = run(combination(BODIES["tractor_of_trailer"], turn), time_limit_s=float(turn.time_s[-1]))
     trailer, behind = towed_log(log)
     back_m = trailer.axle_m - trailer.length_m / 2
     axle_x, axle_y = behind.x_m - back_m * np.cos(behind.heading_rad), behind.y_m - back_m * np.sin(behind.heading_rad)
@@ -70,7 +70,7 @@ def test_the_trailer_cuts_the_corner_as_far_as_geometry_states(radius_m: float, 
     )
 
 
-@pytest.mark.parametrize("body", [TRACTOR_OF_TRAILER, PICKUP])
+@pytest.mark.parametrize("body", [BODIES["tractor_of_trailer"], BODIES["pickup"]])
 def test_both_ends_of_the_hitch_stay_together(body: ReportedBody) -> None:
     weaving = driven(0.0, 0.0, 0.0, lambda t: 15.0 - t, lambda s: math.sin(s / 15.0) / 120.0, until_s=8.0)
     log = run(combination(body, weaving), time_limit_s=8.0)
@@ -83,7 +83,7 @@ def test_both_ends_of_the_hitch_stay_together(body: ReportedBody) -> None:
 
 def test_the_driver_keeps_the_speed_of_the_plan_with_a_trailer_behind() -> None:
     braking = driven(0.0, 0.0, 0.0, lambda t: 20.0 - 2.0 * max(t - 1.0, 0.0), lambda _: 0.0, until_s=8.0)
-    log = run(combination(TRACTOR_OF_TRAILER, braking), time_limit_s=8.0)
+    log = run(combination(BODIES["tractor_of_trailer"], braking), time_limit_s=8.0)
     planned = np.interp(log.vehicles[0].time_s, braking.time_s, braking.speed_mps)
     assert np.abs(log.vehicles[0].speed_mps - planned).max() < 0.5
 
@@ -112,7 +112,7 @@ def momentum(log: SimulationLog, k: int) -> tuple[FloatArray, float]:
 
 def test_a_crash_with_a_trailer_keeps_momentum() -> None:
     """On a road without friction nothing from outside acts on three bodies, two of them coupled."""
-    rig = combination(TRACTOR_OF_TRAILER, straight(0.0, 0.0, 0.0, 10.0, until_s=2.0))
+    rig = combination(BODIES["tractor_of_trailer"], straight(0.0, 0.0, 0.0, 10.0, until_s=2.0))
     car = participant(2, straight(-3.0, -22.0, math.pi / 2, 20.0, until_s=2.0))
     log = run(rig, car, friction=1e-6, time_limit_s=2.0)
     contact = log.first_contact
@@ -133,7 +133,7 @@ def folds_to_rad(angle_rad: float, *, brakes_trailer: bool) -> float:
             return 0.0, 1.0 if brakes_trailer else 0.0
 
     settings = SimSettings()
-    who = combination(TRACTOR_OF_TRAILER, straight(0.0, 0.0, 0.0, 20.0), angle_rad=angle_rad)
+    who = combination(BODIES["tractor_of_trailer"], straight(0.0, 0.0, 0.0, 20.0), angle_rad=angle_rad)
     model, body = vehicle_model(who.body, who.trailer), pulled_body(who)
     assert body is not None
     plan = resample(who.trajectory, settings.step_s, 10.0, model.cg_ahead_m)
@@ -169,7 +169,7 @@ def test_it_folds_no_farther_than_cab_and_trailer_meet() -> None:
 def test_a_strike_of_the_trailer_is_one_of_the_vehicle(x_m: float, clock_h: float) -> None:
     """Into its rear: 6 o'clock of the combination. Into its right side 14 m behind the middle of the tractor, which is
     6.93 m behind the middle of the 21.14 m of both: half a width aside and 0.328 lengths back, 123 degrees or 4.1 h."""
-    rig = combination(TRACTOR_OF_TRAILER, Trajectory(*(np.zeros(1) for _ in range(6))))
+    rig = combination(BODIES["tractor_of_trailer"], Trajectory(*(np.zeros(1) for _ in range(6))))
     if x_m:
         car = participant(2, straight(x_m, -30.0, math.pi / 2, 15.0, until_s=4.0))
     else:
@@ -187,10 +187,10 @@ def test_a_strike_of_the_trailer_is_one_of_the_vehicle(x_m: float, clock_h: floa
 
 def test_a_car_that_runs_into_a_trailer_moves_both_by_the_mass_of_both() -> None:
     """The change of velocity of a combination is that of its whole mass: momentum that the car lost."""
-    rig = combination(TRACTOR_OF_TRAILER, straight(0.0, 0.0, 0.0, 5.0))
+    rig = combination(BODIES["tractor_of_trailer"], straight(0.0, 0.0, 0.0, 5.0))
     log = run(rig, participant(2, straight(-50.0, 0.0, 0.0, 25.0)))
     contact = log.first_contact
     assert contact is not None
     trailer, _ = towed_log(log)
-    whole_kg = TRACTOR_OF_TRAILER.mass_kg + trailer.mass_kg
+    whole_kg = BODIES["tractor_of_trailer"].mass_kg + trailer.mass_kg
     assert contact.delta_v_1_mps[0] * whole_kg == pytest.approx(-contact.delta_v_2_mps[0] * CAR.mass_kg, rel=1e-6)

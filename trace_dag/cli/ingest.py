@@ -122,7 +122,7 @@ def ingest(
     """
     from trace_dag.common.plugins import PluginKind, list_plugins
     from trace_dag.common.storage.files import Storage
-    from trace_dag.crash.registers.new_mapping import check_table
+    from trace_dag.crash.registers.table_check import check_table
     from trace_dag.flow.cohorts.ingest import ingest as ingest_into
     from trace_dag.flow.cohorts.public_files import name_of
     from trace_dag.flow.cohorts.services import crash_api

@@ -19,8 +19,8 @@ def registers(new: str | None, output: str | None) -> None:
 
     ``ingest --register NAME FILE`` reads one; if several files belong together, FILE is their folder.
     """
+    from trace_dag.crash.registers.guess import guess_mapping
     from trace_dag.crash.registers.mapping import list_shipped_mappings, read_mapping
-    from trace_dag.crash.registers.new_mapping import guess_mapping
 
     if new is not None:
         target = Path(output or f"{Path(new).name.split('.')[0]}.toml")

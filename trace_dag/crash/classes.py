@@ -14,7 +14,6 @@ from enum import StrEnum
 from typing import Final
 
 from trace_dag.crash.codes import elements as codes
-from trace_dag.crash.codes.elements import NON_JUNCTION, TYP_INT
 
 
 class CollisionType(StrEnum):
@@ -91,7 +90,7 @@ def road_topology(typ_int: int | None, reljct2: int | None = None) -> RoadTopolo
     >>> str(road_topology(2)), str(road_topology(None, reljct2=1))
     ('four_way', 'not_an_intersection')
     """
-    if TYP_INT.known(typ_int) is None and reljct2 in NON_JUNCTION:
+    if codes.TYP_INT.known(typ_int) is None and reljct2 in codes.NON_JUNCTION:
         return RoadTopology.NOT_AN_INTERSECTION
     return _ROAD_TOPOLOGIES.get(typ_int or 0, RoadTopology.OTHERS)
 
@@ -133,35 +132,24 @@ _OF_ONE_VEHICLE: Final[Mapping[int, CrashKind]] = {
 _OF_VEHICLES: Final = frozenset({codes.MOTOR_VEHICLE_IN_TRANSPORT, codes.VEHICLE_OUTSIDE_TRAFFICWAY})
 
 
-def crash_kind(first_harmful: int | None, vehicles: int | None, touched: bool | None) -> CrashKind | None:
-    """Return the kind of a crash, or None if the first harmful event and the number of vehicles are unknown.
-
-    Args: first_harmful: code of the first harmful event, None if it is not known. vehicles: motor vehicles in
-    transport, None if not known. touched: whether two vehicles touched by the events; None without events.
-
-    >>> str(crash_kind(8, 1, None)), str(crash_kind(12, 3, True)), str(crash_kind(42, 1, None))  # 42: a tree
-    ('pedestrian', 'multi_vehicle', 'fixed_object')
-    """
-    if first_harmful is not None and first_harmful in _BEFORE_ALL:
-        return _BEFORE_ALL[first_harmful]
-    if vehicles is not None and vehicles > 1 and (touched is not False or first_harmful in _OF_VEHICLES):
-        return CrashKind.TWO_VEHICLES if vehicles == 2 else CrashKind.MULTI_VEHICLE
-    if first_harmful is None:
-        return None if vehicles is None else CrashKind.OTHER
-    return _OF_ONE_VEHICLE.get(first_harmful, CrashKind.OTHER)
-
-
 def kind_of_codes(harm_ev: int | None, vehicles: int | None, events: Sequence[int]) -> CrashKind | None:
     """Return the kind of a crash from its codes: ``HARM_EV``, ``VE_FORMS``, and the ``SOE`` of its events in order.
 
-    If ``HARM_EV`` is unknown, the first harmful one of the events is used.
+    If ``HARM_EV`` is unknown, the first harmful one of the events is used. None if both the first harmful event and the
+    number of vehicles are unknown.
 
-    >>> str(kind_of_codes(8, 1, [8]))  # a pedestrian, and one vehicle
-    'pedestrian'
+    >>> str(kind_of_codes(8, 1, [])), str(kind_of_codes(12, 3, [12])), str(kind_of_codes(42, 1, []))  # 42: a tree
+    ('pedestrian', 'multi_vehicle', 'fixed_object')
     """
     harmful = [code for code in events if codes.HARM_EV.meaning(code)]
     first = codes.HARM_EV.known(harm_ev)
     if first is None and harmful:
         first = harmful[0]
-    touched = not codes.VEHICLE_CONTACTS.isdisjoint(harmful) if harmful else None
-    return crash_kind(first, vehicles, touched)
+    if first is not None and first in _BEFORE_ALL:
+        return _BEFORE_ALL[first]
+    may_have_touched = not harmful or not codes.VEHICLE_CONTACTS.isdisjoint(harmful) or first in _OF_VEHICLES
+    if vehicles is not None and vehicles > 1 and may_have_touched:
+        return CrashKind.TWO_VEHICLES if vehicles == 2 else CrashKind.MULTI_VEHICLE
+    if first is None:
+        return None if vehicles is None else CrashKind.OTHER
+    return _OF_ONE_VEHICLE.get(first, CrashKind.OTHER)

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 from trace_dag.common.errors import UserError
@@ -19,6 +20,8 @@ from trace_dag.crash.classes import CollisionType, CrashKind, RoadTopology, Vehi
 if TYPE_CHECKING:
     from trace_dag.crash.listing import CrashListing
 
+COVERAGE_DIMENSIONS: Final = ("collision_type", "road_topology", "vehicle_trajectory")
+"""The three dimensions of the published coverage table, as fields of a listing."""
 Box: TypeAlias = tuple[float, float, float, float]
 """South, west, north, east in degrees (WGS84)."""
 
@@ -111,9 +114,10 @@ def stratified_sample(crashes: Iterable[CrashListing], size: int, *, seed: int) 
     every class that occurs, and rare classes are used up before frequent ones repeat.
     """
     _check_size(size)
+    classes_of = attrgetter(*COVERAGE_DIMENSIONS)
     cells: dict[tuple[object, ...], list[CrashListing]] = {}
     for crash in reversed(_shuffled(crashes, seed)):
-        cells.setdefault(_classes(crash), []).append(crash)  # popped from the end, so first of the shuffle first
+        cells.setdefault(classes_of(crash), []).append(crash)  # popped from the end, so first of the shuffle first
     order = {cell: _rank(seed, repr(cell)) for cell in cells}
     counts: list[Counter[object]] = [Counter() for _ in COVERAGE_DIMENSIONS]
     chosen: list[CrashListing] = []
@@ -131,18 +135,6 @@ def stratified_sample(crashes: Iterable[CrashListing], size: int, *, seed: int) 
         for count, each in zip(counts, best, strict=True):
             count[each] += 1
     return chosen
-
-
-COVERAGE_DIMENSIONS: Final[Sequence[Callable[[CrashListing], object]]] = (
-    lambda crash: crash.collision_type,
-    lambda crash: crash.road_topology,
-    lambda crash: crash.vehicle_trajectory,
-)
-"""The three dimensions of the published coverage table, as functions of a listing."""
-
-
-def _classes(crash: CrashListing) -> tuple[object, ...]:
-    return tuple(dimension(crash) for dimension in COVERAGE_DIMENSIONS)
 
 
 def _shuffled(crashes: Iterable[CrashListing], seed: int) -> list[CrashListing]:

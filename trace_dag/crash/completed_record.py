@@ -27,7 +27,7 @@ from trace_dag.crash.derive import (
     implied_movement,
     movement_of_crash,
 )
-from trace_dag.crash.record import CrashRecord, EventRecord, PreCrashMovement, VehicleRecord, first_vehicle_contact
+from trace_dag.crash.record import CrashRecord, EventRecord, PreCrashMovement, VehicleRecord, colliding_pair
 from trace_dag.crash.summary import summarise
 
 _REAR_END, _ANGLE = 1, 6  # MAN_COLL
@@ -126,11 +126,10 @@ def add_implied_types(
     >>> [each.crash_type_code for each in add_implied_types([behind, ahead], queue_record.events, 1)]
     [20, 21]
     """
-    contact = first_vehicle_contact(events)
-    by_number = {vehicle.number: vehicle for vehicle in vehicles if vehicle.in_transport}
-    if contact is None or contact.party_1 not in by_number or contact.party_2 not in by_number:
+    pair = colliding_pair([vehicle for vehicle in vehicles if vehicle.in_transport], events)
+    if pair is None:
         return tuple(vehicles)
-    one, two = by_number[contact.party_1], by_number[contact.party_2]
+    one, two = pair
     types = _types(man_coll, one, two) or _types(man_coll, two, one)
     return tuple(
         replace(vehicle, crash_type_code=types[vehicle.number], implied=(*vehicle.implied, "crash_type_code"))

@@ -20,7 +20,7 @@ from trace_dag.crash.classes import CrashKind
 from trace_dag.crash.codes.elements import DEPARTURES, MOTOR_VEHICLE_IN_TRANSPORT, REL_ROAD, TYP_INT
 from trace_dag.crash.crash_types import crash_type_of
 from trace_dag.crash.derive import UNSAID_MOVEMENTS, is_near
-from trace_dag.crash.event_sequence import OFF_THE_ROAD, CrashEvent, Missing, event_sequence
+from trace_dag.crash.event_sequence import OFF_THE_ROAD, CrashEvent, sequence_of
 from trace_dag.crash.parties import EventKind, PartyKind
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.crash.road_departure import overturns_on_road, side_of_first
@@ -71,23 +71,13 @@ def check(record: CrashRecord, settings: CrashSettings, *, further: Sequence[Rul
             raise Rejection(rule.reason, detail)
 
 
-def shortcomings(record: CrashRecord, rules: Sequence[Rule]) -> list[tuple[Rule, str]]:
-    """Return every rule a record falls short of, with its sentence.
-
-    >>> daylight = filters_of(CrashSettings(filters={"LGT_COND": (1,)}))
-    >>> [sentence for _, sentence in shortcomings(record, daylight)]
-    ['LGT_COND is 3; the cohort takes 1']
-    """
-    return [(rule, detail) for rule in rules if (detail := rule.shortcoming(record)) is not None]
-
-
 def filters_of(settings: CrashSettings) -> tuple[Rule, ...]:
     """Return the cohort filters of the settings.
 
     Raises :class:`UserError` for an unknown kind of crash, and for an element that records do not have.
 
-    >>> [rule.reason.value for rule in filters_of(CrashSettings(vehicles=2))]
-    ['outside_cohort']
+    >>> [rule.shortcoming(record) for rule in filters_of(CrashSettings(filters={"LGT_COND": (1,)}))]
+    ['LGT_COND is 3; the cohort takes 1']
     """
     kinds = () if settings.kinds is None else (_of_kinds(settings.kinds),)
     vehicles = () if settings.vehicles is None else (_number_of_vehicles(settings.vehicles),)
@@ -151,12 +141,7 @@ def _number_of_vehicles(wanted: int) -> Rule:
         beside = f" (and {parked} parked or working)" if parked else ""
         return f"{count_of(found, 'motor vehicle')} in transport{beside}; the cohort takes {wanted}"
 
-    return Rule(
-        "number_of_vehicles",
-        Reason.OUTSIDE_COHORT,
-        f"{wanted} motor vehicles in transport",
-        shortcoming,
-    )
+    return Rule("number_of_vehicles", Reason.OUTSIDE_COHORT, f"{wanted} motor vehicles in transport", shortcoming)
 
 
 def _trajectory_known(record: CrashRecord, vehicle: VehicleRecord, partner: VehicleRecord | None) -> bool:
@@ -208,12 +193,8 @@ def _location(record: CrashRecord) -> str | None:
 
 
 def _topology(record: CrashRecord) -> str | None:
-    known = (
-        TYP_INT.known(record.intersection_type_code) is not None
-        or "road_topology" in record.implied
-        or record.junction_relation_code is not None
-    )
-    if known:
+    reported = TYP_INT.known(record.intersection_type_code), record.junction_relation_code
+    if "road_topology" in record.implied or reported != (None, None):
         return None
     return (
         f"neither TYP_INT ({_said(record.intersection_type_code)}) nor RELJCT2 (not known) tells whether and what "
@@ -223,30 +204,27 @@ def _topology(record: CrashRecord) -> str | None:
 
 def _trajectory(record: CrashRecord) -> str | None:
     """Check the courses of the vehicles before the first event, and the person struck in it."""
-    sequence = event_sequence(record)
-    if isinstance(sequence, Missing):
+    try:
+        sequence = sequence_of(record)
+    except Rejection:
         return _course_of(record, [vehicle for vehicle in record.vehicles if vehicle.in_transport])
     first = sequence.first
     if first.kind in OFF_THE_ROAD:
         if overturns_on_road(record, sequence):
             return _course_of(record, [first.vehicle])
-        return _untold_side(record, first)
+        if side_of_first(record, first) is not None:
+            return None
+        return (
+            f"nothing tells to which side vehicle {first.vehicle.number} left the road: no departure to a side among "
+            f"its events, ACC_TYPE {_said(first.vehicle.crash_type_code)}, "
+            f"P_CRASH2 {_said(first.vehicle.critical_event_code)}"
+        )
     struck = [event for event in sequence.events if event.kind in _OF_PEOPLE]
     begun = {vehicle.number for vehicle in first.vehicles}
     drove = [event.vehicle for event in struck if event.vehicle.number not in begun]
     courses = (_course_of(record, first.vehicles), *(_course_of(record, [vehicle]) for vehicle in drove))
     untold = next((sentence for sentence in courses if sentence is not None), None)
     return untold or (_place_of_person(record, struck[0]) if struck and struck[0] is first else None)
-
-
-def _untold_side(record: CrashRecord, event: CrashEvent) -> str | None:
-    vehicle = event.vehicle
-    if side_of_first(record, event) is not None:
-        return None
-    return (
-        f"nothing tells to which side vehicle {vehicle.number} left the road: no departure to a side among its events, "
-        f"ACC_TYPE {_said(vehicle.crash_type_code)}, P_CRASH2 {_said(vehicle.critical_event_code)}"
-    )
 
 
 def _place_of_person(record: CrashRecord, strike: CrashEvent) -> str | None:
@@ -267,25 +245,19 @@ def _course_of(record: CrashRecord, vehicles: Sequence[VehicleRecord]) -> str | 
     for index, vehicle in enumerate(vehicles):
         partner = vehicles[1 - index] if len(vehicles) == 2 else None
         if not _trajectory_known(record, vehicle, partner):
-            return _untold_course(vehicle)
+            said = "unknown" if vehicle.movement is PreCrashMovement.UNKNOWN else int(vehicle.movement)
+            return (
+                f"nothing tells how vehicle {vehicle.number} moved: P_CRASH1 {said}, ACC_TYPE "
+                f"{_said(vehicle.crash_type_code)}, P_CRASH2 {_said(vehicle.critical_event_code)}; nor is there a "
+                "departure among its events, the manoeuvre before a person it strikes (MOTMAN, PEDCGP, BIKECGP), a "
+                "speed above 25 mph (TRAV_SP), a centreline crossed by the other one (SOE 68), or MAN_COLL with both "
+                "areas of impact"
+            )
     return None
-
-
-def _untold_course(vehicle: VehicleRecord) -> str:
-    return (
-        f"nothing tells how vehicle {vehicle.number} moved: P_CRASH1 {_movement(vehicle.movement)}, ACC_TYPE "
-        f"{_said(vehicle.crash_type_code)}, P_CRASH2 {_said(vehicle.critical_event_code)}; nor is there a departure "
-        "among its events, the manoeuvre before a person it strikes (MOTMAN, PEDCGP, BIKECGP), a speed above 25 mph "
-        "(TRAV_SP), a centreline crossed by the other one (SOE 68), or MAN_COLL with both areas of impact"
-    )
 
 
 def _said(code: int | None) -> str:
     return "not reported" if code is None else str(code)
-
-
-def _movement(movement: PreCrashMovement) -> str:
-    return "unknown" if movement is PreCrashMovement.UNKNOWN else str(int(movement))
 
 
 def _impact(record: CrashRecord) -> str | None:
@@ -296,10 +268,13 @@ def _impact(record: CrashRecord) -> str | None:
     """
     if "impact" in record.register_lacks:
         return None
-    sequence = event_sequence(record)
-    if isinstance(sequence, Missing) or sequence.first.kind in OFF_THE_ROAD:
+    try:
+        sequence = sequence_of(record)
+    except Rejection:
         return None
     first = sequence.first
+    if first.kind in OFF_THE_ROAD:
+        return None
     judged = [event for event in sequence.events if event.kind in _OF_PEOPLE] if first.kind in _OF_PEOPLE else [first]
     struck = [vehicle for event in judged for vehicle in event.vehicles]
     if any(vehicle.impact is not None for vehicle in struck):
@@ -311,8 +286,11 @@ def _impact(record: CrashRecord) -> str | None:
 
 def _missing(reason: Reason) -> Callable[[CrashRecord], str | None]:
     def sentence(record: CrashRecord) -> str | None:
-        found = event_sequence(record)
-        return found.sentence if isinstance(found, Missing) and found.reason is reason else None
+        try:
+            sequence_of(record)
+        except Rejection as missing:
+            return missing.detail if missing.reason is reason else None
+        return None
 
     return sentence
 

@@ -8,22 +8,8 @@ from typing import Final
 
 from trace_dag.common.messages.wording import count_of
 from trace_dag.common.units import mps_to_mph
-from trace_dag.crash.codes.elements import (
-    ACC_TYPE,
-    AT_INTERSECTION,
-    AWAY_FROM_JUNCTION,
-    BIKEPOS,
-    FUNC_SYS,
-    HARM_EV,
-    LOCATION,
-    MAN_COLL,
-    MOTOR_VEHICLE_IN_TRANSPORT,
-    P_CRASH1,
-    PEDPOS,
-    RELJCT2,
-    ROUTE,
-    TYP_INT,
-)
+from trace_dag.crash.codes import elements as codes
+from trace_dag.crash.codes.table import CodeTable
 from trace_dag.crash.crash_types import Side, crash_type, crash_type_of, trajectories_disagree
 from trace_dag.crash.derive import (
     CORNER_H,
@@ -34,13 +20,13 @@ from trace_dag.crash.derive import (
     impact_area,
     implied_movement,
     is_near,
+    is_on_side,
 )
 from trace_dag.crash.parties import EventKind, PartyKind
 from trace_dag.crash.record import (
     STOPPED_MOVEMENTS,
     CrashRecord,
     EventRecord,
-    ImpactArea,
     PreCrashMovement,
     VehicleRecord,
     first_vehicle_contact,
@@ -97,6 +83,14 @@ def name_contradictions(record: CrashRecord) -> Iterator[tuple[str, str]]:
             yield about, sentence
 
 
+def _named(table: CodeTable, code: int | None) -> str:
+    return f"{table.element} {code} ({table.meaning(code)})"
+
+
+def _crash_type(vehicle: VehicleRecord) -> str:
+    return _named(codes.ACC_TYPE, vehicle.crash_type_code)
+
+
 def _vehicle_counts(record: CrashRecord) -> Iterator[str]:
     stated, listed = record.vehicles_in_transport, sum(vehicle.in_transport for vehicle in record.vehicles)
     if stated is not None and stated != listed:
@@ -117,8 +111,8 @@ def _impact_against_crash_type(record: CrashRecord) -> Iterator[str]:
         if expected and reported and not is_near(reported, expected.clock_h, CORNER_H):
             said = "IMPACT1" if impact_area(vehicle.initial_impact_code) else "the event"
             yield (
-                f"vehicle {vehicle.number}: {said} says {reported.code}, but ACC_TYPE {vehicle.crash_type_code} "
-                f"({ACC_TYPE.meaning(vehicle.crash_type_code)}) means {expected.code}"
+                f"vehicle {vehicle.number}: {said} says {reported.code}, but {_crash_type(vehicle)} "
+                f"means {expected.code}"
             )
 
 
@@ -137,14 +131,13 @@ def _impact_against_event(record: CrashRecord) -> Iterator[str]:
 
 def _manner_against_impacts(record: CrashRecord) -> Iterator[str]:
     pair = record.colliding_vehicles
-    if pair is None or record.first_harmful_event_code != MOTOR_VEHICLE_IN_TRANSPORT:
+    if pair is None or record.first_harmful_event_code != codes.MOTOR_VEHICLE_IN_TRANSPORT:
         return
     first, second = pair[0].impact, pair[1].impact
     if first and second and agrees_with_manner(record.manner_of_collision_code, first, second) is False:
         yield (
-            f"MAN_COLL {record.manner_of_collision_code} ({MAN_COLL.meaning(record.manner_of_collision_code)}) "
-            f"does not agree with the impacts at {first.clock_h:g} and {second.clock_h:g} o'clock of vehicles "
-            f"{pair[0].number} and {pair[1].number}"
+            f"{_named(codes.MAN_COLL, record.manner_of_collision_code)} does not agree with the impacts at "
+            f"{first.clock_h:g} and {second.clock_h:g} o'clock of vehicles {pair[0].number} and {pair[1].number}"
         )
 
 
@@ -156,9 +149,9 @@ def _movements(record: CrashRecord) -> Iterator[str]:
         # Only a turn to the other side is a contradiction: a turning vehicle may well have been slowing or stopped.
         if {said, implied} == _TURNS:
             yield (
-                f"vehicle {vehicle.number}: P_CRASH1 says it {P_CRASH1.meaning(said)}, but ACC_TYPE "
+                f"vehicle {vehicle.number}: P_CRASH1 says it {codes.P_CRASH1.meaning(said)}, but ACC_TYPE "
                 f"{vehicle.crash_type_code} or P_CRASH2 {vehicle.critical_event_code} that it "
-                f"{P_CRASH1.meaning(implied)}"
+                f"{codes.P_CRASH1.meaning(implied)}"
             )
 
 
@@ -169,12 +162,12 @@ def _speeds(record: CrashRecord) -> Iterator[str]:
             continue
         if vehicle.movement in STOPPED_MOVEMENTS and speed_mps > _STOPPED_MAX_MPS:
             yield (
-                f"vehicle {vehicle.number}: P_CRASH1 says it {P_CRASH1.meaning(vehicle.movement)}, but TRAV_SP "
+                f"vehicle {vehicle.number}: P_CRASH1 says it {codes.P_CRASH1.meaning(vehicle.movement)}, but TRAV_SP "
                 f"{mps_to_mph(speed_mps):.0f} mph"
             )
         elif speed_mps == 0 and _moving(vehicle):
             yield (
-                f"vehicle {vehicle.number}: TRAV_SP says stopped, but it {P_CRASH1.meaning(vehicle.movement)} "
+                f"vehicle {vehicle.number}: TRAV_SP says stopped, but it {codes.P_CRASH1.meaning(vehicle.movement)} "
                 f"(ACC_TYPE {vehicle.crash_type_code})"
             )
 
@@ -185,18 +178,18 @@ def _moving(vehicle: VehicleRecord) -> bool:
 
 def _junction(record: CrashRecord) -> Iterator[str]:
     intersection, junction = record.intersection_type_code, record.junction_relation_code
-    if TYP_INT.known(intersection) is None or junction is None:
+    if codes.TYP_INT.known(intersection) is None or junction is None:
         return
-    if (intersection == 1 and junction in AT_INTERSECTION) or (intersection != 1 and junction == AWAY_FROM_JUNCTION):
+    if junction in codes.AT_INTERSECTION if intersection == 1 else junction == codes.AWAY_FROM_JUNCTION:
         yield (
-            f"TYP_INT says {TYP_INT.meaning(intersection)} ({intersection}), but RELJCT2 that the crash was "
-            f"{RELJCT2.meaning(junction)} ({junction})"
+            f"TYP_INT says {codes.TYP_INT.meaning(intersection)} ({intersection}), but RELJCT2 that the crash was "
+            f"{codes.RELJCT2.meaning(junction)} ({junction})"
         )
 
 
 def _first_event_against_sequence(record: CrashRecord) -> Iterator[str]:
     first = record.first_harmful_event_code
-    harmful = [event for event in record.events if HARM_EV.known(event.code) and event.code in HARM_EV.meanings]
+    harmful = [event for event in record.events if event.is_harmful]
     # In a sequence put together from the vehicles' own it is the first of one of them, it cannot be told of which.
     if "events" in record.implied:
         of_vehicle: dict[int | None, EventRecord] = {}
@@ -209,20 +202,17 @@ def _first_event_against_sequence(record: CrashRecord) -> Iterator[str]:
     if first is not None and harmful and first not in {event.code for event in harmful}:
         said = harmful[0]
         yield (
-            f"HARM_EV {first} says that the first harmful event is that a vehicle {HARM_EV.meaning(first)}, but the "
-            f"sequence begins with event {said.number}, {event_in_words(said)} (SOE {said.code})"
+            f"HARM_EV {first} says that the first harmful event is that a vehicle {codes.HARM_EV.meaning(first)}, "
+            f"but the sequence begins with event {said.number}, {event_in_words(said)} (SOE {said.code})"
         )
 
 
 def _first_event(record: CrashRecord) -> Iterator[str]:
-    collision_first = record.first_harmful_event_code == MOTOR_VEHICLE_IN_TRANSPORT
-    if MAN_COLL.known(record.manner_of_collision_code) is None or record.first_harmful_event_code is None:
+    manner, first = record.manner_of_collision_code, record.first_harmful_event_code
+    if codes.MAN_COLL.known(manner) is None or first is None:
         return
-    if collision_first == (record.manner_of_collision_code == 0):
-        yield (
-            f"MAN_COLL {record.manner_of_collision_code} ({MAN_COLL.meaning(record.manner_of_collision_code)}) does "
-            f"not agree with HARM_EV {record.first_harmful_event_code}"
-        )
+    if (first == codes.MOTOR_VEHICLE_IN_TRANSPORT) == (manner == 0):
+        yield f"{_named(codes.MAN_COLL, manner)} does not agree with HARM_EV {first}"
 
 
 def _pair_of_crash_types(record: CrashRecord) -> Iterator[str]:
@@ -244,11 +234,8 @@ def _single_driver(record: CrashRecord) -> Iterator[str]:
     pair = record.colliding_vehicles
     for vehicle in pair or ():
         if crash_type_of(vehicle).single_driver and pair and all(each.in_transport for each in pair):
-            yield (
-                f"vehicle {vehicle.number}: ACC_TYPE {vehicle.crash_type_code} "
-                f"({ACC_TYPE.meaning(vehicle.crash_type_code)}) is that of a single vehicle, but it collided with "
-                "another"
-            )
+            said = f"{_crash_type(vehicle)} is that of a single vehicle"
+            yield f"vehicle {vehicle.number}: {said}, but it collided with another"
 
 
 def _second_street(record: CrashRecord) -> Iterator[str]:
@@ -257,13 +244,14 @@ def _second_street(record: CrashRecord) -> Iterator[str]:
     It occurs in 99.8 % of the two-vehicle crashes of 2015 at intersections, and in 1.4 % of those away from any
     junction.
     """
-    intersection, junction = TYP_INT.known(record.intersection_type_code), record.junction_relation_code
+    intersection, junction = codes.TYP_INT.known(record.intersection_type_code), record.junction_relation_code
     if intersection is None or not record.trafficway_1:
         return
-    if intersection == 1 and junction == AWAY_FROM_JUNCTION and record.trafficway_2:
+    if intersection == 1 and junction == codes.AWAY_FROM_JUNCTION and record.trafficway_2:
         yield f"TYP_INT and RELJCT2 say no intersection, but TWAY_ID2 names one with {record.trafficway_2}"
     elif intersection != 1 and not record.trafficway_2:
-        yield f"TYP_INT says {TYP_INT.meaning(intersection)} ({intersection}), but TWAY_ID2 names no second street"
+        said = f"{codes.TYP_INT.meaning(intersection)} ({intersection})"
+        yield f"TYP_INT says {said}, but TWAY_ID2 names no second street"
 
 
 def _route(record: CrashRecord) -> Iterator[str]:
@@ -279,16 +267,14 @@ def _route(record: CrashRecord) -> Iterator[str]:
     by_class = record.function_class_code
     signs = frozenset().union(*(_SIGNS[system] for system in systems)) | _BESIDE_A_ROUTE
     if systems and record.route_code is not None and record.route_code not in signs:
-        yield f"TWAY_ID is {record.trafficway_1}, but ROUTE says {ROUTE.meaning(record.route_code)}"
+        yield f"TWAY_ID is {record.trafficway_1}, but ROUTE says {codes.ROUTE.meaning(record.route_code)}"
     if by_class is None or not record.trafficway_1:
         return
     is_interstate = "I" in systems
-    if by_class == _INTERSTATE_CLASS and not is_interstate and not _RAMP.search(record.trafficway_1):
+    if by_class == _INTERSTATE_CLASS and not is_interstate:
         yield f"FUNC_SYS says an interstate, but TWAY_ID is {record.trafficway_1}"
-    elif (by_class != _INTERSTATE_CLASS and systems == {"I"} and not _RAMP.search(record.trafficway_1)) or (
-        by_class in _MINOR_CLASSES and systems == {"U"}
-    ):
-        yield f"TWAY_ID is {record.trafficway_1}, but FUNC_SYS {FUNC_SYS.meaning(by_class)}"
+    elif (by_class != _INTERSTATE_CLASS and systems == {"I"}) or (by_class in _MINOR_CLASSES and systems == {"U"}):
+        yield f"TWAY_ID is {record.trafficway_1}, but FUNC_SYS {codes.FUNC_SYS.meaning(by_class)}"
 
 
 def _one_lane(record: CrashRecord) -> Iterator[str]:
@@ -298,18 +284,16 @@ def _one_lane(record: CrashRecord) -> Iterator[str]:
 
 
 def _turn_away_from_junctions(record: CrashRecord) -> Iterator[str]:
-    if record.junction_relation_code != AWAY_FROM_JUNCTION:
+    if record.junction_relation_code != codes.AWAY_FROM_JUNCTION:
         return
     pair = record.colliding_vehicles or ()
     if any(vehicle.movement is PreCrashMovement.U_TURN for vehicle in pair):
         return  # one can turn round anywhere
     for vehicle in pair:
         if crash_type_of(vehicle).needs_junction:
-            yield (
-                f"vehicle {vehicle.number}: ACC_TYPE {vehicle.crash_type_code} "
-                f"({ACC_TYPE.meaning(vehicle.crash_type_code)}) needs a junction or driveway, but RELJCT2 says "
-                f"{RELJCT2.meaning(AWAY_FROM_JUNCTION)}"
-            )
+            relation = codes.RELJCT2.meaning(codes.AWAY_FROM_JUNCTION)
+            needs = f"{_crash_type(vehicle)} needs a junction or driveway"
+            yield f"vehicle {vehicle.number}: {needs}, but RELJCT2 says {relation}"
 
 
 def _damage_against_impact(record: CrashRecord) -> Iterator[str]:
@@ -333,21 +317,16 @@ def _impact_against_course(record: CrashRecord) -> Iterator[str]:
         shown, impact = crash_type_of(vehicle).shows, vehicle.impact
         if shown is not None and impact is not None and not is_near(impact, _SHOWN_SIDE_H[shown], _SHOWN_REACH_H):
             yield (
-                f"vehicle {vehicle.number}: struck at {impact.clock_h:g} o'clock, but ACC_TYPE "
-                f"{vehicle.crash_type_code} ({ACC_TYPE.meaning(vehicle.crash_type_code)}) has the other "
-                f"on its {shown} or ahead"
+                f"vehicle {vehicle.number}: struck at {impact.clock_h:g} o'clock, but {_crash_type(vehicle)} has the "
+                f"other on its {shown} or ahead"
             )
     if pair and all(crash_type_of(vehicle).needs_junction for vehicle in pair):
         impacts = [vehicle.impact for vehicle in pair if vehicle.impact is not None]
-        if len(impacts) == 2 and all(_is_squarely_on_a_side(impact) for impact in impacts):
+        if len(impacts) == 2 and all(is_on_side(impact, SAME_AREA_H) for impact in impacts):
             yield (
                 f"courses that cross (ACC_TYPE {pair[0].crash_type_code} and {pair[1].crash_type_code}), but both "
                 f"vehicles struck on a side, at {impacts[0].clock_h:g} and {impacts[1].clock_h:g} o'clock"
             )
-
-
-def _is_squarely_on_a_side(area: ImpactArea) -> bool:
-    return is_near(area, 3, SAME_AREA_H) or is_near(area, 9, SAME_AREA_H)
 
 
 def _strikes(record: CrashRecord) -> Iterator[str]:
@@ -374,13 +353,13 @@ def _places_of_persons(record: CrashRecord) -> Iterator[str]:
     """Yield ``LOCATION`` and the typing's position of the same person that cannot both be."""
     for person in record.non_motorists:
         for element, table, code, zones in (
-            ("PEDPOS", PEDPOS, person.pedestrian_position_code, ZONES_OF_PEDPOS),
-            ("BIKEPOS", BIKEPOS, person.cyclist_position_code, ZONES_OF_BIKEPOS),
+            ("PEDPOS", codes.PEDPOS, person.pedestrian_position_code, ZONES_OF_PEDPOS),
+            ("BIKEPOS", codes.BIKEPOS, person.cyclist_position_code, ZONES_OF_BIKEPOS),
         ):
             by_location = ZONES_OF_LOCATION.get(person.location_code or 0)
             if by_location and code is not None and code in zones and not by_location & zones[code]:
                 yield (
-                    f"person {person.number}: LOCATION says {LOCATION.meaning(person.location_code)} "
+                    f"person {person.number}: LOCATION says {codes.LOCATION.meaning(person.location_code)} "
                     f"({person.location_code}), but {element} {table.meaning(code)} ({code})"
                 )
 

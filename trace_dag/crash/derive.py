@@ -22,6 +22,7 @@ from trace_dag.crash.record import (
     ImpactArea,
     PreCrashMovement,
     VehicleRecord,
+    colliding_pair,
     first_vehicle_contact,
 )
 
@@ -70,7 +71,7 @@ def add_crash_types(vehicles: Sequence[VehicleRecord], events: Sequence[EventRec
     >>> motorcycle.crash_type_code, car.crash_type_code, car.implied  # 69 crossed the turn of a 68
     (69, 68, ('crash_type_code',))
     """
-    pair = _pair(vehicles, events)
+    pair = colliding_pair(vehicles, events)
     if pair is None:
         return tuple(vehicles)
     implied: dict[int, VehicleRecord] = {}
@@ -90,18 +91,6 @@ def in_one_configuration(one: int | None, other: int | None) -> bool:
     (True, False)
     """
     return crash_type(one).counterpart == (other or -1) or crash_type(other).counterpart == (one or -1)
-
-
-def _pair(
-    vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord]
-) -> tuple[VehicleRecord, VehicleRecord] | None:
-    """Return the two vehicles of the first contact, or None."""
-    contact = first_vehicle_contact(events)
-    if contact is None:
-        return None
-    by_number = {vehicle.number: vehicle for vehicle in vehicles}
-    first, second = by_number.get(contact.party_1 or 0), by_number.get(contact.party_2 or 0)
-    return (first, second) if first and second else None
 
 
 # --- movement ------------------------------------------------------------------------------------------------------
@@ -258,7 +247,7 @@ def add_impacts(
     [3.0, 1.0]
     """
     collision = first_vehicle_contact(events)
-    pair = _pair(vehicles, events) or ()
+    pair = colliding_pair(vehicles, events) or ()
     found = {
         vehicle.number: _with_own_impact(vehicle, events, collision, in_pair=vehicle in pair) for vehicle in vehicles
     }
@@ -327,25 +316,15 @@ def agrees_with_manner(man_coll: int | None, one: ImpactArea | None, other: Impa
     return None if needs is None or one is None or other is None else needs(one, other) or needs(other, one)
 
 
-def _front(area: ImpactArea) -> bool:
-    return is_near(area, 12)
-
-
-def _rear(area: ImpactArea) -> bool:
-    return is_near(area, 6)
-
-
-def _side(area: ImpactArea) -> bool:
-    # Corners (1, 5, 7, 11) count as front or rear and as side.
-    return is_near(area, 3, CORNER_H) or is_near(area, 9, CORNER_H)
+def is_on_side(area: ImpactArea, tolerance_h: float = CORNER_H) -> bool:
+    """Return whether an area is on the left or right side; corners (1, 5, 7, 11) count unless excluded."""
+    return is_near(area, 3, tolerance_h) or is_near(area, 9, tolerance_h)
 
 
 _MANNERS: Final[dict[int, Callable[[ImpactArea, ImpactArea], bool]]] = {
-    1: lambda a, b: _front(a) and _rear(b),
-    2: lambda a, b: _front(a) and _front(b),
-    6: lambda a, b: _side(a) or _side(b),
-    7: lambda a, b: _side(a) or _side(b),
-    8: lambda a, b: _side(a) or _side(b),
-    9: lambda a, b: _rear(a) and _side(b),
-    10: lambda a, b: _rear(a) and _rear(b),
+    _FRONT_TO_REAR: lambda a, b: is_near(a, _FRONT) and is_near(b, _REAR),
+    _FRONT_TO_FRONT: lambda a, b: is_near(a, _FRONT) and is_near(b, _FRONT),
+    **dict.fromkeys((6, 7, 8), lambda a, b: is_on_side(a) or is_on_side(b)),
+    9: lambda a, b: is_near(a, _REAR) and is_on_side(b),
+    _REAR_TO_REAR: lambda a, b: is_near(a, _REAR) and is_near(b, _REAR),
 }

@@ -5,7 +5,7 @@ Estimators plan them, simulations show them and verdicts judge them.
 It begins with the first harmful event (``HARM_EV``). Events that follow at once between the same two parties belong to
 the one before: the two are still in contact, or the vehicle runs over the person it has struck. Tables before 2016
 often list no events and no persons; then the object that the only vehicle struck follows from the first harmful event.
-Nothing is guessed for several vehicles or persons: an open question is a :class:`Missing` with a sentence.
+Nothing is guessed for several vehicles or persons: an open question rejects the crash.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
-from trace_dag.common.errors import Reason
+from trace_dag.common.errors import Reason, Rejection
 from trace_dag.crash.classes import CrashKind
 from trace_dag.crash.codes import elements as codes
 from trace_dag.crash.crash_types import SIDE_AFTER_EVENT, DepartureSide, side_after
@@ -157,63 +157,38 @@ class EventSequence:
         return next((event for event in self.events if number in event.going_on), None)
 
 
-@dataclass(frozen=True)
-class Missing:
-    """A part of the sequence that is not reported or cannot be simulated, with a sentence."""
+def sequence_of(record: CrashRecord) -> EventSequence:
+    """Return the sequence of a crash.
 
-    reason: Reason
-    sentence: str
+    Raises :class:`Rejection` if a part of it is not reported (``incomplete_sequence``) or cannot be simulated
+    (``not_modelled``).
 
-
-def event_sequence(record: CrashRecord) -> EventSequence | Missing:
-    """Return the sequence of a crash, or the part of it that is missing.
-
-    >>> sequence = event_sequence(queue_record)
-    >>> [(event.kind.value, event.pair) for event in sequence.events]
+    >>> [(event.kind.value, event.pair) for event in sequence_of(queue_record).events]
     [('vehicle_contact', (1, 2)), ('vehicle_contact', (2, 3))]
-    >>> event_sequence(replace(queue_record, vehicles_in_transport=4)).sentence
-    'the report lists 3 of 4 vehicles in transport'
+    >>> sequence_of(replace(queue_record, vehicles_in_transport=4))
+    Traceback (most recent call last):
+    trace_dag.common.errors.Rejection: incomplete_sequence: the report lists 3 of 4 vehicles in transport
     """
     harmful = _from_first_harmful(record)
-    if isinstance(harmful, Missing):
-        return harmful
     if harmful[0].code not in MODELLED:
-        return _not_modelled(harmful)
+        raise _not_modelled(harmful)
     reader = _Reader(record)
     for event in harmful:
         reader.add(event)
     missing = _missing_from(record, harmful, reader)
     if missing is not None:
-        return Missing(Reason.INCOMPLETE_SEQUENCE, missing)
+        raise _incomplete(missing)
     order_known = not {ORDER_OF_CONTACTS, ORDER_OF_IMPACTS} & set(record.implied)
     beyond = tuple(event for event in harmful if event.code not in MODELLED)
     return EventSequence(tuple(reader.events), order_known, beyond, reader.unclear)
 
 
-def sequence_of(record: CrashRecord) -> EventSequence:
-    """Return the sequence of a crash whose record was checked; raise ``ValueError`` if a part is missing.
-
-    >>> sequence_of(tree_record).first.side.value  # it leaves the road to the right before it strikes a tree
-    'right'
-    """
-    found = event_sequence(record)
-    if isinstance(found, Missing):
-        raise ValueError(f"{record.key}: {found.sentence}")
-    return found
-
-
-def first_event_kind(record: CrashRecord) -> EventKind | None:
-    """Return the kind of the first harmful event, or None if a part of the sequence is missing.
-
-    >>> str(first_event_kind(pedestrian_record))
-    'person_struck'
-    """
-    found = event_sequence(record)
-    return None if isinstance(found, Missing) else found.first.kind
+def _incomplete(detail: str) -> Rejection:
+    return Rejection(Reason.INCOMPLETE_SEQUENCE, detail)
 
 
 # --- which events ----------------------------------------------------------------------------------------------------
-def _from_first_harmful(record: CrashRecord) -> Sequence[EventRecord] | Missing:
+def _from_first_harmful(record: CrashRecord) -> Sequence[EventRecord]:
     """Return the harmful events from that of ``HARM_EV`` on, or from the first one.
 
     If the report lists none, return the implied event.
@@ -225,23 +200,19 @@ def _from_first_harmful(record: CrashRecord) -> Sequence[EventRecord] | Missing:
     return _implied(record, code) if contradicted or not harmful else harmful[first:]
 
 
-def _implied(record: CrashRecord, code: int | None) -> Sequence[EventRecord] | Missing:
-    """Return the event that ``HARM_EV`` implies if the crash has one vehicle, else what is missing."""
+def _implied(record: CrashRecord, code: int | None) -> Sequence[EventRecord]:
+    """Return the event that ``HARM_EV`` implies if the crash has one vehicle."""
     if (unlisted := unlisted_vehicles(record)) is not None:
-        return Missing(Reason.INCOMPLETE_SEQUENCE, unlisted)
+        raise _incomplete(unlisted)
     moving = [vehicle for vehicle in record.vehicles if vehicle.in_transport]
     if code is None or code in codes.VEHICLE_CONTACTS:
         said = "not known" if code is None else str(code)
         listed = "such event" if record.events else "events"
-        return Missing(
-            Reason.INCOMPLETE_SEQUENCE, f"nothing tells what happened: HARM_EV {said}, and the report lists no {listed}"
-        )
+        raise _incomplete(f"nothing tells what happened: HARM_EV {said}, and the report lists no {listed}")
     if len(moving) != 1 and code in MODELLED:
         which = f"which of {record.moving_vehicles} vehicles" if len(moving) > 1 else "which vehicle"
         what = codes.HARM_EV.meaning(code)
-        return Missing(
-            Reason.INCOMPLETE_SEQUENCE, f"nothing tells {which} in transport {what}: the report lists no such event"
-        )
+        raise _incomplete(f"nothing tells {which} in transport {what}: the report lists no such event")
     vehicle = moving[0] if moving else None
     struck = thing_party(1) if code in _OBJECTS | codes.ANIMALS else None
     number, area = (None, None) if vehicle is None else (vehicle.number, vehicle.impact)
@@ -260,15 +231,12 @@ def unlisted_vehicles(record: CrashRecord) -> str | None:
     return f"the report lists {listed} of {record.moving_vehicles} vehicles in transport"
 
 
-def _not_modelled(harmful: Sequence[EventRecord]) -> Missing:
+def _not_modelled(harmful: Sequence[EventRecord]) -> Rejection:
     told = [f"event {event.number} {event_in_words(event)} (SOE {event.code})" for event in harmful[:_MOST_TOLD]]
     if len(harmful) > _MOST_TOLD:
         told.append(f"and {len(harmful) - _MOST_TOLD} more")
     what = codes.HARM_EV.meaning(harmful[0].code)
-    return Missing(
-        Reason.NOT_MODELLED,
-        f"a crash that begins with this is not modelled: {what}; {', '.join(told)}",
-    )
+    return Rejection(Reason.NOT_MODELLED, f"a crash that begins with this is not modelled: {what}; {', '.join(told)}")
 
 
 # --- who takes part --------------------------------------------------------------------------------------------------

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final, TypeAlias
 
 from trace_dag.common.errors import Reason, Rejection
-from trace_dag.crash.codes.table import CodeTable
+from trace_dag.crash.codes.table import code_table
 
 Row: TypeAlias = dict[str, str]
 """The values of a row that are not blank, by name in capitals."""
@@ -81,17 +81,23 @@ class Fields:
             raise malformed(f"{self.where}: {names[0]} holds {value!r}; expected a decimal number")
         return float(value)
 
-    def code(self, table: CodeTable, *names: str) -> int | None:
-        """Return a code of ``table`` in this report's year, None if blank or a word for unknown.
+    def within(self, low: int, high: int, *names: str) -> int | None:
+        """Return a whole number, None if blank, unknown or out of range, as codes for "unknown" are."""
+        number = self.integer(*names)
+        return number if number is not None and low <= number <= high else None
 
-        Raises :class:`UnknownCodeError` for a code that the table lacks.
+    def code(self, element: str, *names: str) -> int | None:
+        """Return a code of an element in this report's year, None if blank or a word for unknown.
+
+        ``names`` are those of the values, if not the element's. Raises :class:`UnknownCodeError` for a code that the
+        element does not have.
         """
-        number = self.integer(*(names or (table.element,)))
-        return None if number is None else table.check(number, self.year)
+        number = self.integer(*(names or (element,)))
+        return None if number is None else code_table(element).check(number, self.year)
 
-    def known_code(self, table: CodeTable, *names: str) -> int | None:
+    def known_code(self, element: str, *names: str) -> int | None:
         """Return :meth:`code`, but None for the codes that mean "unknown"."""
-        return table.known(self.code(table, *names))
+        return code_table(element).known(self.code(element, *names))
 
     def rows(self, table: str, what: str = "") -> Iterator[Fields]:
         """Yield the rows of a table of the report; ``what`` names them in messages."""
@@ -110,6 +116,16 @@ class Fields:
     def _value(self, *names: str) -> str | None:
         value = self.text(*names)
         return None if not value or value.replace("_", " ").lower() in _UNKNOWN_WORDS else value
+
+
+def known_codes(rows: Iterable[Fields], element: str, *names: str) -> tuple[int, ...]:
+    """Return the known codes that rows have of an element, in ascending order, each once.
+
+    >>> known_codes([Fields({"WEATHER": code}, "a report", 2023) for code in ("3", "2", "99", "2")], "WEATHER")
+    (2, 3)
+    """
+    found = {row.known_code(element, *names) for row in rows}
+    return tuple(sorted(code for code in found if code is not None))
 
 
 def _cleaned(text: str) -> str:

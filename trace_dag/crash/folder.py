@@ -40,17 +40,8 @@ class FoundReport:
 
 
 @dataclass(frozen=True)
-class Duplicate:
-    """A further file with the same content as the one that is kept: merged."""
-
-    key: str
-    kept: Path
-    path: Path
-
-
-@dataclass(frozen=True)
-class Conflict:
-    """A further file about the same crash with other content; ``kept`` is the one that is read."""
+class FurtherFile:
+    """A further file about a crash; ``kept`` is the one that is read."""
 
     key: str
     kept: Path
@@ -67,11 +58,14 @@ class Unrecognised:
 
 @dataclass(frozen=True)
 class FolderScan:
-    """The files of the folders: reports in order of their keys, one per crash, and the files left aside."""
+    """The files of the folders: reports in order of their keys, one per crash, and the files left aside.
+
+    ``duplicates`` have the content of the report that is read, ``conflicts`` other content.
+    """
 
     reports: tuple[FoundReport, ...]
-    duplicates: tuple[Duplicate, ...] = ()
-    conflicts: tuple[Conflict, ...] = ()
+    duplicates: tuple[FurtherFile, ...] = ()
+    conflicts: tuple[FurtherFile, ...] = ()
     unrecognised: tuple[Unrecognised, ...] = ()
 
 
@@ -93,18 +87,16 @@ def scan(paths: Iterable[Path]) -> FolderScan:
         else:
             by_key.setdefault(found.key, []).append(found)
     reports: list[FoundReport] = []
-    duplicates: list[Duplicate] = []
-    conflicts: list[Conflict] = []
+    duplicates: list[FurtherFile] = []
+    conflicts: list[FurtherFile] = []
     for key in sorted(by_key):
         best, *others = _best_first(by_key[key])
         reports.append(best)
         for other in others:
             if not other.released and best.released:
                 continue  # an older answer, from before the case was released
-            if _same_content(best, other):
-                duplicates.append(Duplicate(key, best.path, other.path))
-            else:
-                conflicts.append(Conflict(key, best.path, other.path))
+            further = duplicates if _same_content(best, other) else conflicts
+            further.append(FurtherFile(key, best.path, other.path))
     return FolderScan(tuple(reports), tuple(duplicates), tuple(conflicts), tuple(unrecognised))
 
 
@@ -124,10 +116,9 @@ def identify(data: bytes, *, name: str) -> tuple[str, bool] | None:
     root = parse_leniently(data, name=name)
     if root is None:
         return None
-    for element in root.iter():
-        if isinstance(element.tag, str) and local_name(element) == "CrashResultSet":
-            fields = Fields(values_of(element), name)
-            return _key(fields.text("CASEYEAR", "YEAR"), fields.text("ST_CASE"))
+    if (crash := next(root.iter("{*}CrashResultSet"), None)) is not None:
+        fields = Fields(values_of(crash), name)
+        return _key(fields.text("CASEYEAR", "YEAR"), fields.text("ST_CASE"))
     if not local_name(root).startswith("ResponseOf"):
         return None
     search = _SEARCH.search(Fields(values_of(root), name).text("SEARCHCRITERIA"))

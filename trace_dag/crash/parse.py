@@ -95,9 +95,7 @@ def crash_element(root: etree._Element, *, name: str) -> etree._Element:
     >>> crash_element(etree.fromstring(report_xml), name="crash_319003.xml").findtext("STATENAME")
     'Nebraska'
     """
-    found = [
-        element for element in root.iter() if isinstance(element.tag, str) and local_name(element) == "CrashResultSet"
-    ]
+    found = list(root.iter("{*}CrashResultSet"))
     if len(found) == 1:
         return found[0]
     if found:
@@ -146,21 +144,21 @@ def _read_crash(fields: Fields) -> CrashRecord:
         county_name=_place_name(fields.text("COUNTYNAME")),
         city_name=_place_name(fields.text("CITYNAME")),
         year=fields.integer("YEAR", "CASEYEAR"),
-        month=_within(fields.integer("MONTH"), 1, 12),
-        day=_within(fields.integer("DAY"), 1, 31),
-        hour=_hour(fields.integer("HOUR")),
-        minute=_within(fields.integer("MINUTE"), 0, 59),
+        month=fields.within(1, 12, "MONTH"),
+        day=fields.within(1, 31, "DAY"),
+        hour=0 if fields.integer("HOUR") == _MIDNIGHT_AS_24 else fields.within(0, 23, "HOUR"),
+        minute=fields.within(0, 59, "MINUTE"),
         trafficway_1=fields.text("TWAY_ID"),
         trafficway_2=fields.text("TWAY_ID2"),
-        route_code=fields.known_code(codes.ROUTE),
+        route_code=fields.known_code("ROUTE"),
         function_class_code=function_class,
         rural_urban_code=land_use,
-        manner_of_collision_code=fields.code(codes.MAN_COLL),
-        first_harmful_event_code=fields.known_code(codes.HARM_EV),
-        intersection_type_code=fields.code(codes.TYP_INT),
-        junction_relation_code=fields.known_code(codes.RELJCT2),
-        road_relation_code=fields.known_code(codes.REL_ROAD),
-        light_code=fields.known_code(codes.LGT_COND),
+        manner_of_collision_code=fields.code("MAN_COLL"),
+        first_harmful_event_code=fields.known_code("HARM_EV"),
+        intersection_type_code=fields.code("TYP_INT"),
+        junction_relation_code=fields.known_code("RELJCT2"),
+        road_relation_code=fields.known_code("REL_ROAD"),
+        light_code=fields.known_code("LGT_COND"),
         weather_code=_weather(fields),
         fatalities=fields.integer("FATALS", low=0),
         vehicles_in_transport=fields.integer("VE_FORMS", low=0),
@@ -275,15 +273,15 @@ def _counted_as_parked(listed: Sequence[VehicleRecord], crash: Fields) -> Iterat
     The crash counts one vehicle more (``VE_TOTAL``) than it has in transport (``VE_FORMS``).
     """
     counted = crash.integer("VE_FORMS") == 1 and crash.integer("VE_TOTAL") == 2 and len(listed) == 1
-    if counted and crash.known_code(codes.HARM_EV) in codes.STRUCK_STANDING:
+    if counted and crash.known_code("HARM_EV") in codes.STRUCK_STANDING:
         row = {"VEH_NO": str(next(n for n in (1, 2) if n != listed[0].number))}
         yield read_parked_vehicle(Fields(row, crash.where, crash.year))
 
 
 def _function_class(fields: Fields) -> tuple[int | None, int | None, bool]:
     """Return ``FUNC_SYS`` and ``RUR_URB``, from ``ROAD_FNC`` in a report of an older year."""
-    function_class, land_use = fields.known_code(codes.FUNC_SYS), fields.known_code(codes.RUR_URB)
-    older = fields.known_code(codes.ROAD_FNC)
+    function_class, land_use = fields.known_code("FUNC_SYS"), fields.known_code("RUR_URB")
+    older = fields.known_code("ROAD_FNC")
     if older is None or (function_class is not None and land_use is not None):
         return function_class, land_use, False
     rural, urban = 1, 2
@@ -296,18 +294,9 @@ def _function_class(fields: Fields) -> tuple[int | None, int | None, bool]:
 
 def _weather(fields: Fields) -> int | None:
     """Return the first known weather code: the crash's own, else one of the list."""
-    listed = (row.known_code(codes.WEATHER) for row in fields.rows("weather"))
-    own = (fields.known_code(codes.WEATHER, name) for name in ("WEATHER", "WEATHER1", "WEATHER2"))
+    listed = (row.known_code("WEATHER") for row in fields.rows("weather"))
+    own = (fields.known_code("WEATHER", name) for name in ("WEATHER", "WEATHER1", "WEATHER2"))
     return next((code for code in (*own, *listed) if code), None)
-
-
-def _within(value: int | None, low: int, high: int) -> int | None:
-    """Return the value, or None if it is out of range, as codes for "unknown" are."""
-    return value if value is not None and low <= value <= high else None
-
-
-def _hour(value: int | None) -> int | None:
-    return 0 if value == _MIDNIGHT_AS_24 else _within(value, 0, 23)
 
 
 def _place_name(label: str) -> str:

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from trace_dag.crash.codes import elements as codes
-from trace_dag.crash.codes.table import CodeTable, UnknownCodeError
-from trace_dag.crash.fields import Fields
+from trace_dag.crash.codes.table import UnknownCodeError, code_table
+from trace_dag.crash.fields import Fields, known_codes
 from trace_dag.crash.parties import HIGHEST_NUMBER, UNKNOWN_NON_MOTORIST
 from trace_dag.crash.record import NonMotorist, VehicleRecord
 
@@ -26,7 +26,7 @@ _LISTS: Final = {
 }
 """Tables of persons outside vehicles, by CrashAPI's names, which messages have."""
 _NO_VEHICLE: Final = (None, 0)
-_PLACES: Final = {"NPersons": (codes.LOCATION,), "PbTypes": (codes.PEDPOS, codes.BIKEPOS)}
+_PLACES: Final = {"NPersons": ("LOCATION",), "PbTypes": ("PEDPOS", "BIKEPOS")}
 
 _Rows: TypeAlias = dict[int, dict[str, list[Fields]]]
 """Rows by ``PER_NO`` and list."""
@@ -95,14 +95,12 @@ def _unlisted(rows: _Rows) -> Iterator[str]:
 def _in_two_places(rows: _Rows) -> Iterator[str]:
     """Yield sentences on persons whose rows in a table with one row each give different places."""
     for number, of_person in sorted(rows.items()):
-        for name, tables in _PLACES.items():
-            for table in tables:
-                said = list(
-                    dict.fromkeys(code for row in of_person[name] if (code := row.known_code(table)) is not None)
-                )
-                if len(said) > 1:
-                    places = " and ".join(f"{table.meaning(code)} ({code})" for code in said)
-                    yield f"person {number}: {table.element} says {places}; the first is taken"
+        for name, elements in _PLACES.items():
+            for element in elements:
+                said = list(dict.fromkeys(row.known_code(element) for row in of_person[name]))
+                places = [f"{code_table(element).meaning(code)} ({code})" for code in said if code is not None]
+                if len(places) > 1:
+                    yield f"person {number}: {element} says {' and '.join(places)}; the first is taken"
 
 
 def _ages_apart(rows: _Rows) -> Iterator[str]:
@@ -130,64 +128,50 @@ def _aged(of_person: dict[str, list[Fields]]) -> list[Fields]:
 def _person(number: int, rows: dict[str, list[Fields]]) -> NonMotorist:
     person, typing = rows["NPersons"][:1], rows["PbTypes"][:1]
     equipment = rows["SafetyEQs"]
-    kind = _first(person, codes.PER_TYP)
-    if kind is None:
-        kind = _first(typing, codes.PER_TYP, "PBPTYPE")
-    helmet, pads, other_protection, reflective, lights, other_prevention = (
-        _first(equipment, table) for table in codes.EQUIPMENT
-    )
+    kind = _first([*person, *typing], "PER_TYP", "PER_TYP", "PBPTYPE")
     return NonMotorist(
         number=number,
         person_type_code=UNKNOWN_NON_MOTORIST if kind is None else kind,
         striking_vehicle=next((row.integer("STR_VEH") for row in person), None) or None,
-        injury_code=next((codes.INJ_SEV.known(row.integer("INJ_SEV")) for row in person), None),
+        injury_code=next((code_table("INJ_SEV").known(row.integer("INJ_SEV")) for row in person), None),
         age_years=_age([*person, *typing]),
-        sex_code=_either(_first(person, codes.SEX), _first(typing, codes.SEX, "PBSEX")),
-        location_code=_first(person, codes.LOCATION),
-        crosswalk_code=_first(typing, codes.PBCWALK),
-        sidewalk_code=_first(typing, codes.PBSWALK),
-        school_zone_code=_first(typing, codes.PBSZONE),
-        intersection_code=_first(typing, codes.BIKELOC if kind in _CYCLISTS else codes.PEDLOC),
-        pedestrian_position_code=_first(typing, codes.PEDPOS),
-        cyclist_position_code=_first(typing, codes.BIKEPOS),
-        pedestrian_direction_code=_first(typing, codes.PEDDIR),
-        cyclist_direction_code=_first(typing, codes.BIKEDIR),
-        motorist_direction_code=_first(typing, codes.MOTDIR),
-        motorist_manoeuvre_code=_first(typing, codes.MOTMAN),
-        intersection_leg_code=_first(typing, codes.PEDLEG),
+        sex_code=_first([*person, *typing], "SEX", "SEX", "PBSEX"),
+        location_code=_first(person, "LOCATION"),
+        crosswalk_code=_first(typing, "PBCWALK"),
+        sidewalk_code=_first(typing, "PBSWALK"),
+        school_zone_code=_first(typing, "PBSZONE"),
+        intersection_code=_first(typing, "BIKELOC" if kind in _CYCLISTS else "PEDLOC"),
+        pedestrian_position_code=_first(typing, "PEDPOS"),
+        cyclist_position_code=_first(typing, "BIKEPOS"),
+        pedestrian_direction_code=_first(typing, "PEDDIR"),
+        cyclist_direction_code=_first(typing, "BIKEDIR"),
+        motorist_direction_code=_first(typing, "MOTDIR"),
+        motorist_manoeuvre_code=_first(typing, "MOTMAN"),
+        intersection_leg_code=_first(typing, "PEDLEG"),
         scenario=next((_scenario(row) for row in typing), ""),
-        pedestrian_group_code=_first(typing, codes.PEDCGP),
-        cyclist_group_code=_first(typing, codes.BIKECGP),
-        pedestrian_type_code=_first(typing, codes.PEDCTYPE),
-        cyclist_type_code=_first(typing, codes.BIKECTYPE),
-        actions=_all(rows["NmPriors"], codes.NMACTION, "NMACTION", "MPR_ACT"),
-        circumstances=_all(rows["NmCrashes"], codes.NMCC, "NMCC", "MTM_CRSH"),
-        equipment=_all(equipment, codes.MSAFEQMT),
-        helmet_code=helmet,
-        pads_code=pads,
-        other_protection_code=other_protection,
-        reflective_clothing_code=reflective,
-        lights_code=lights,
-        other_prevention_code=other_prevention,
+        pedestrian_group_code=_first(typing, "PEDCGP"),
+        cyclist_group_code=_first(typing, "BIKECGP"),
+        pedestrian_type_code=_first(typing, "PEDCTYPE"),
+        cyclist_type_code=_first(typing, "BIKECTYPE"),
+        actions=known_codes(rows["NmPriors"], "NMACTION", "NMACTION", "MPR_ACT"),
+        circumstances=known_codes(rows["NmCrashes"], "NMCC", "NMCC", "MTM_CRSH"),
+        equipment=known_codes(equipment, "MSAFEQMT"),
+        helmet_code=_first(equipment, "NMHELMET"),
+        pads_code=_first(equipment, "NMPROPAD"),
+        other_protection_code=_first(equipment, "NMOTHPRO"),
+        reflective_clothing_code=_first(equipment, "NMREFCLO"),
+        lights_code=_first(equipment, "NMLIGHT"),
+        other_prevention_code=_first(equipment, "NMOTHPRE"),
     )
 
 
-def _first(rows: Sequence[Fields], table: CodeTable, *names: str) -> int | None:
-    return next((code for row in rows if (code := row.known_code(table, *names)) is not None), None)
-
-
-def _all(rows: Sequence[Fields], table: CodeTable, *names: str) -> tuple[int, ...]:
-    found = (row.known_code(table, *names) for row in rows)
-    return tuple(sorted({code for code in found if code is not None}))
-
-
-def _either(one: int | None, other: int | None) -> int | None:
-    return other if one is None else one
+def _first(rows: Sequence[Fields], element: str, *names: str) -> int | None:
+    return next((code for row in rows if (code := row.known_code(element, *names)) is not None), None)
 
 
 def _age(rows: Sequence[Fields]) -> int | None:
-    ages = (row.integer("AGE", "PBAGE") for row in rows)
-    return next((age for age in ages if age is not None and 0 <= age <= codes.HIGHEST_AGE), None)
+    ages = (row.within(0, codes.HIGHEST_AGE, "AGE", "PBAGE") for row in rows)
+    return next((age for age in ages if age is not None), None)
 
 
 def _scenario(row: Fields) -> str:

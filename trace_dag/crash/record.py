@@ -289,8 +289,6 @@ class EventRecord:
 
 
 _CONTACTS = frozenset({EventKind.VEHICLE_CONTACT, EventKind.PERSON_STRUCK})
-
-
 _NEAR_SIDE_TURNS: Final = frozenset({5, 6, 9, 10})  # PEDSNR, without its letter
 
 
@@ -479,11 +477,7 @@ class CrashRecord:
     @property
     def colliding_vehicles(self) -> tuple[VehicleRecord, VehicleRecord] | None:
         """Return the two vehicles of the first contact of vehicles, or None (see :func:`first_vehicle_contact`)."""
-        contact = first_vehicle_contact(self.events)
-        by_number = {vehicle.number: vehicle for vehicle in self.vehicles}
-        if contact is None or contact.party_1 not in by_number or contact.party_2 not in by_number:
-            return None
-        return by_number[contact.party_1], by_number[contact.party_2]
+        return colliding_pair(self.vehicles, self.events)
 
 
 def first_vehicle_contact(events: Sequence[EventRecord]) -> EventRecord | None:
@@ -503,6 +497,17 @@ def first_vehicle_contact(events: Sequence[EventRecord]) -> EventRecord | None:
     return None
 
 
+def colliding_pair(
+    vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord]
+) -> tuple[VehicleRecord, VehicleRecord] | None:
+    """Return the two vehicles of the first contact of vehicles, if both are among ``vehicles``."""
+    contact = first_vehicle_contact(events)
+    by_number: dict[int | None, VehicleRecord] = {vehicle.number: vehicle for vehicle in vehicles}
+    if contact is None or not by_number.keys() >= {contact.party_1, contact.party_2}:
+        return None
+    return by_number[contact.party_1], by_number[contact.party_2]
+
+
 class Origin(StrEnum):
     """Origins of a record's field."""
 
@@ -514,20 +519,10 @@ class Origin(StrEnum):
 _NOT_REPORTED: Final = (None, "", (), PreCrashMovement.UNKNOWN)
 _OF_NO_SOURCE: Final = frozenset(
     {
-        "implied",
-        "vehicles",
-        "events",
-        "non_motorists",
-        "contradictions",
-        "ambiguities",
-        "repaired",
-        "summary",
-        "quotations",
+        *("vehicles", "events", "non_motorists", "implied", "contradictions", "ambiguities", "repaired", "summary"),
+        *("key", "register", "register_lacks", "attribution", "quotations"),
     }
-    | {"key", "register", "register_lacks", "attribution"}
 )
-
-
 _FIELD_NAMES: Final = {
     part: tuple(each.name for each in fields(part) if each.name not in _OF_NO_SOURCE)
     for part in (CrashRecord, VehicleRecord, EventRecord, NonMotorist)

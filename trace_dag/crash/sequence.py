@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from trace_dag.crash.codes import elements as codes
-from trace_dag.crash.codes.elements import MAN_COLL
 from trace_dag.crash.crash_types import Side, crash_type
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.fields import Fields
@@ -64,7 +63,7 @@ def read_sequence(crash: Fields, vehicles: Sequence[VehicleRecord]) -> ReadSeque
     >>> [event.code for event in events]  # SOE 12: another vehicle in transport
     [12]
     """
-    harm_ev = crash.known_code(codes.HARM_EV)
+    harm_ev = crash.known_code("HARM_EV")
     own = [*crash.rows("vehicle"), *crash.rows("parkwork")]
     rows, strays = _own_rows(own, {vehicle.number for vehicle in vehicles})
     of_crash = list(crash.rows("cevent", "event"))
@@ -74,7 +73,7 @@ def read_sequence(crash: Fields, vehicles: Sequence[VehicleRecord]) -> ReadSeque
         events, unlisted = _event_rows(of_crash or of_vehicles, vehicles)
         return ReadSequence(events, () if of_crash else ("events",), (*strays, *unlisted, *_differences(events, rows)))
     if rows:
-        first = FirstEvent(harm_ev in codes.VEHICLE_CONTACTS, crash.known_code(MAN_COLL))
+        first = FirstEvent(harm_ev in codes.VEHICLE_CONTACTS, crash.known_code("MAN_COLL"))
         mended = _mended(rows, vehicles, harm_ev)
         events, chosen = merge_sequences(mended, vehicles, first)
         implied = ("events", "order_of_contacts") if chosen else ("events",)
@@ -110,10 +109,10 @@ def _event_rows(
         return None
 
     for fields in rows:
-        number, code = fields.integer("EVENTNUM", low=1), fields.code(codes.SOE)
+        number, code = fields.integer("EVENTNUM", low=1), fields.code("SOE")
         if number is None or code is None:
             continue  # a blank row says nothing
-        area_1 = fields.code(codes.AOI, "AOI1")
+        area_1 = fields.code("AOI", "AOI1")
         if code in codes.STRUCK_STANDING | codes.FIXED_OBJECTS and area_1 in codes.SET_IN_MOTION:
             set_in_motion.add(number)
         events.setdefault(
@@ -124,7 +123,7 @@ def _event_rows(
                 party_1=listed(fields, number, "VNUMBER1"),
                 area_1=impact_area(area_1),
                 party_2=listed(fields, number, "VNUMBER2"),
-                area_2=impact_area(fields.code(codes.AOI, "AOI2")),
+                area_2=impact_area(fields.code("AOI", "AOI2")),
             ),
         )
     in_order = [events[number] for number in sorted(events)]
@@ -173,7 +172,7 @@ def _rows_of(vehicle: Fields) -> list[_Row]:
     number = vehicle.integer("VEH_NO") or 0
     rows: list[tuple[int, _Row]] = []
     for fields in vehicle.own_rows("vsoe", f"vehicle {number}, event"):
-        row = _Row(fields.integer("VEH_NO") or number, fields.code(codes.SOE), fields.code(codes.AOI, "AOI"))
+        row = _Row(fields.integer("VEH_NO") or number, fields.code("SOE"), fields.code("AOI", "AOI"))
         rows.append((fields.integer("VEVENTNUM") or len(rows) + 1, row))
     return [row for _, row in sorted(rows, key=lambda each: each[0])]
 

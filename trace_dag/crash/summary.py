@@ -14,16 +14,6 @@ from trace_dag.common.units import mps_to_mph
 from trace_dag.crash.classes import CollisionType, CrashKind, RoadTopology, VehicleTrajectory
 from trace_dag.crash.codes import elements as codes
 from trace_dag.crash.codes.bodies import BODY_TYP
-from trace_dag.crash.codes.elements import (
-    HARM_EV,
-    IMPACT1,
-    LGT_COND,
-    SET_IN_MOTION_BY_VEHICLE,
-    SOE,
-    VEHICLE_CONTACTS,
-    VEHICLE_EVENTS,
-    WEATHER,
-)
 from trace_dag.crash.parties import EventKind, party_in_words
 from trace_dag.crash.record import (
     CrashRecord,
@@ -82,14 +72,14 @@ def in_one_sentence(record: CrashRecord) -> str:
     if record.state_name:
         place += f"{',' if streets else ' in'} {record.state_name}"
     vehicles = {vehicle.number: vehicle for vehicle in record.vehicles}
-    event = record.first_contact or next((each for each in record.events if HARM_EV.meaning(each.code)), None)
+    event = record.first_contact or next((each for each in record.events if codes.HARM_EV.meaning(each.code)), None)
     involved = [vehicles[party] for party in (event.party_1, event.party_2) if party in vehicles] if event else []
     who = " and ".join(_driving(vehicle) for vehicle in involved or record.vehicles)
     code = event.code if event else record.first_harmful_event_code
-    if len(involved) > 1 or (len(record.vehicles) > 1 and code in VEHICLE_CONTACTS):
+    if len(involved) > 1 or (len(record.vehicles) > 1 and code in codes.VEHICLE_CONTACTS):
         what = "collided"
     else:
-        what = HARM_EV.meaning(code) or "crashed"
+        what = codes.HARM_EV.meaning(code) or "crashed"
         if len(involved or record.vehicles) > 1:  # nothing tells which of them it was
             who, what = f"{_count(len(record.vehicles), 'motor vehicle')} crashed", f"(one of them {what})"
     more = _others_involved(record, event, {vehicle.number for vehicle in involved}) if event and involved else ""
@@ -139,31 +129,27 @@ def _others_involved(record: CrashRecord, event: EventRecord, involved: Set[int]
         if each.kind is EventKind.PERSON_STRUCK and each.party_2 is not None and each.party_2 == event.party_2
     } & others
     left = len(others - struck_too)
-    return "".join(
-        (
-            f"; {_count(len(struck_too), 'more vehicle')} struck the same person" if struck_too else "",
-            f"; {_count(left, 'more vehicle')} {'was' if left == 1 else 'were'} involved" if left else "",
-        )
-    )
+    said = f"; {_count(len(struck_too), 'more vehicle')} struck the same person" if struck_too else ""
+    return said + (f"; {_count(left, 'more vehicle')} {'was' if left == 1 else 'were'} involved" if left else "")
 
 
 def _scene(record: CrashRecord) -> str:
-    when = _when(record)
-    where = _where(record)
-    conditions = ", ".join(part for part in (codes.LGT_COND.meaning(record.light_code), _weather(record)) if part)
+    weather = codes.WEATHER.meaning(record.weather_code)
+    conditions = (codes.LGT_COND.meaning(record.light_code), weather and f"in {weather}")
+    around = "".join(f", {each}" for each in conditions if each)
     junction = codes.TYP_INT.meaning(record.intersection_type_code)
     relation = codes.RELJCT2.meaning(record.junction_relation_code)
     manner = codes.MAN_COLL.meaning(record.manner_of_collision_code)
     sentences = [
-        f"Crash {record.key}: {_count(record.moving_vehicles, 'motor vehicle')} in transport{when}{where}"
-        + (f", {conditions}." if conditions else "."),
+        f"Crash {record.key}: {_count(record.moving_vehicles, 'motor vehicle')} in transport{_when(record)}"
+        f"{_where(record)}{around}."
     ]
     if junction or relation:
         place = f"The place was {junction}" if junction else "The place was"
         sentences.append(f"{place}{',' if junction and relation else ''} {relation}".rstrip() + ".")
     if manner:
         sentences.append(f"Manner of collision of the first harmful event: {manner}.")
-    first = HARM_EV.meaning(record.first_harmful_event_code)
+    first = codes.HARM_EV.meaning(record.first_harmful_event_code)
     if first and not any(event.is_harmful for event in record.events):
         sentences.append(f"First harmful event: a vehicle {first}.")
     return " ".join(sentences)
@@ -191,11 +177,6 @@ def _where(record: CrashRecord) -> str:
     return place + (f", {record.state_name}" if record.state_name else "")
 
 
-def _weather(record: CrashRecord) -> str:
-    weather = codes.WEATHER.meaning(record.weather_code)
-    return f"in {weather}" if weather else ""
-
-
 def _vehicle(vehicle: VehicleRecord) -> str:
     kind = (
         BODY_TYP.meaning(vehicle.body_type_code)
@@ -213,7 +194,7 @@ def _vehicle(vehicle: VehicleRecord) -> str:
     sentences += [
         f"{label}: {meaning}."
         for label, meaning in (
-            ("Critical event", _critical_event(vehicle)),
+            ("Critical event", codes.P_CRASH2.meaning(vehicle.critical_event_code)),
             ("Avoidance", codes.P_CRASH3.meaning(vehicle.avoidance_code)),
             ("Stability", codes.PCRASH4.meaning(vehicle.stability_code)),
             ("Location before the impact", codes.PCRASH5.meaning(vehicle.location_code)),
@@ -231,10 +212,9 @@ def _vehicle(vehicle: VehicleRecord) -> str:
 def _speed(vehicle: VehicleRecord) -> str:
     if vehicle.travel_speed_mps is None:
         speed = " at an unknown speed"
-    elif vehicle.travel_speed_is_lower_bound:
-        speed = f" at more than {mps_to_mph(vehicle.travel_speed_mps):.0f} mph"
     else:
-        speed = f" at {mps_to_mph(vehicle.travel_speed_mps):.0f} mph"
+        more_than = "more than " if vehicle.travel_speed_is_lower_bound else ""
+        speed = f" at {more_than}{mps_to_mph(vehicle.travel_speed_mps):.0f} mph"
     limit = f" (limit {mps_to_mph(vehicle.speed_limit_mps):.0f} mph)" if vehicle.speed_limit_mps is not None else ""
     return speed + limit
 
@@ -248,7 +228,7 @@ def _road(vehicle: VehicleRecord) -> str:
     details = [
         part
         for part in (
-            f"{lanes}" if lanes else "",
+            lanes,
             codes.VALIGN.meaning(vehicle.alignment_code),
             codes.VPROFILE.meaning(vehicle.profile_code),
             codes.VSURCOND.meaning(vehicle.surface_condition_code),
@@ -266,11 +246,7 @@ def _impact(vehicle: VehicleRecord) -> str:
 
 
 def _area(area: ImpactArea) -> str:
-    return IMPACT1.meaning(area.code)
-
-
-def _critical_event(vehicle: VehicleRecord) -> str:
-    return codes.P_CRASH2.meaning(vehicle.critical_event_code)
+    return codes.IMPACT1.meaning(area.code)
 
 
 def _control(vehicle: VehicleRecord) -> str:
@@ -292,18 +268,18 @@ def event_in_words(event: EventRecord) -> str:
     """
     subject = f"vehicle {event.party_1}" if event.party_1 is not None else "a vehicle"
     at_1 = f" (at {_area(event.area_1)})" if event.area_1 else ""
-    if event.code in VEHICLE_EVENTS and event.party_2 is not None:
+    if event.code in codes.VEHICLE_EVENTS and event.party_2 is not None:
         at_2 = f" (at {_area(event.area_2)})" if event.area_2 else ""
         verb = (
             "was involved, by objects set in motion, with"
-            if event.code == SET_IN_MOTION_BY_VEHICLE
-            else SOE.meaning(event.code).split(" a ")[0]
+            if event.code == codes.SET_IN_MOTION_BY_VEHICLE
+            else codes.SOE.meaning(event.code).split(" a ")[0]
         )
         return f"{subject}{at_1} {verb} vehicle {event.party_2}{at_2}"
-    whom = " that is not named" if event.code in VEHICLE_CONTACTS else ""
+    whom = " that is not named" if event.code in codes.VEHICLE_CONTACTS else ""
     if event.kind is EventKind.PERSON_STRUCK and event.party_2 is not None:
         whom = f", {party_in_words(event.party_2)}"
-    return f"{subject} {SOE.meaning(event.code) or 'had an event that is not reported'}{whom}{at_1}"
+    return f"{subject} {codes.SOE.meaning(event.code) or 'had an event that is not reported'}{whom}{at_1}"
 
 
 def event_named(number: int, code: int) -> str:
@@ -312,7 +288,7 @@ def event_named(number: int, code: int) -> str:
     >>> event_named(3, 24), event_named(4, 99)
     ('event 3, struck a guardrail (SOE 24)', 'event 4 (SOE 99)')
     """
-    meaning = SOE.meaning(code)
+    meaning = codes.SOE.meaning(code)
     return f"event {number}{', ' if meaning else ''}{meaning} (SOE {code})"
 
 
@@ -329,10 +305,11 @@ def place_in_words(person: NonMotorist) -> str:
     >>> place_in_words(pedestrian_record.non_motorists[0])  # PEDPOS 3
     'in a travel lane'
     """
-    position = codes.PEDPOS.meaning(person.pedestrian_position_code) or codes.BIKEPOS.meaning(
-        person.cyclist_position_code
+    return (
+        codes.PEDPOS.meaning(person.pedestrian_position_code)
+        or codes.BIKEPOS.meaning(person.cyclist_position_code)
+        or codes.LOCATION.meaning(person.location_code)
     )
-    return position or codes.LOCATION.meaning(person.location_code)
 
 
 def _person(person: NonMotorist) -> tuple[str, ...]:
@@ -383,8 +360,6 @@ def conditions_in_words(record: CrashRecord) -> str:
     >>> conditions_in_words(record)
     'in the dark on a lit road, clear weather'
     """
-    said = []
-    for table, code in ((LGT_COND, record.light_code), (WEATHER, record.weather_code)):
-        if code is not None and code not in table.unknown and table.meaning(code):
-            said.append(table.meaning(code))
-    return ", ".join(said)
+    return ", ".join(
+        filter(None, (codes.LGT_COND.meaning(record.light_code), codes.WEATHER.meaning(record.weather_code)))
+    )

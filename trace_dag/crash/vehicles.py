@@ -17,23 +17,14 @@ dimensions, masses and couplings:
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 from trace_dag.common.units import KG_PER_LB, mph_to_mps
 from trace_dag.crash.codes import elements as codes
-from trace_dag.crash.codes.bodies import (
-    BODY_TYP,
-    GVWR_LIMIT_LB,
-    LOADED_SHARE,
-    SEDAN,
-    BodyEvidence,
-    ReportedBody,
-    body_of,
-)
-from trace_dag.crash.codes.elements import HIGHEST_AGE, TOWED_VEHICLES, TRAILERS_OF_TOW_VEH
-from trace_dag.crash.codes.table import CodeTable, UnknownCodeError
+from trace_dag.crash.codes.bodies import BODY_TYP, GVWR_LIMIT_LB, LOADED_SHARE, BodyEvidence, ReportedBody, body_of
+from trace_dag.crash.codes.table import UnknownCodeError, code_table
 from trace_dag.crash.derive import impact_area
-from trace_dag.crash.fields import Fields, malformed
+from trace_dag.crash.fields import Fields, known_codes, malformed
 from trace_dag.crash.record import Occupant, PreCrashMovement, VehicleClass, VehicleRecord
 from trace_dag.crash.trailer import Trailer
 
@@ -56,9 +47,7 @@ _SEMITRAILER: Final = Trailer(16.15, 2.59, 4.11, 16700, coupling_m=0.91, axle_m=
 _OF_TRUCK: Final = Trailer(6.50, 2.45, 2.60, 6000, coupling_m=-1.50, axle_m=3.60, cg_m=3.05, hitch_m=0.0)
 _LIGHT: Final = Trailer(5.00, 2.10, 1.90, 1500, coupling_m=-1.20, axle_m=2.90, cg_m=2.40, hitch_m=0.0)
 _SMALL: Final = Trailer(1.60, 1.00, 0.80, 120, coupling_m=-0.90, axle_m=0.85, cg_m=0.65, hitch_m=0.0)
-_TOWED_CAR: Final = Trailer(
-    SEDAN.length_m, SEDAN.width_m, SEDAN.height_m, SEDAN.mass_kg, coupling_m=-0.60, axle_m=3.70, cg_m=3.20, hitch_m=0.0
-)
+_TOWED_CAR: Final = Trailer(4.85, 1.84, 1.46, 1600, coupling_m=-0.60, axle_m=3.70, cg_m=3.20, hitch_m=0.0)  # a sedan
 _HEAVY: Final = frozenset({VehicleClass.TRUCK, VehicleClass.LIGHT_TRUCK, VehicleClass.BUS})
 
 
@@ -69,74 +58,42 @@ def read_vehicle(fields: Fields) -> VehicleRecord:
     >>> round(read_vehicle(Fields(row, "a report", 2023)).travel_speed_mps, 2)  # 45 mph of 0.44704 m/s
     20.12
     """
-    number = _number(fields)
-    tow_code = fields.known_code(codes.TOW_VEH)
-    trailers = None if tow_code is None else codes.TRAILERS_OF_TOW_VEH[tow_code]
-    derived = next(fields.own_rows("vpicdecode"), None)
-    body_type = fields.code(BODY_TYP)
-    body, body_implied = body_of(
-        BodyEvidence(
-            body_type=body_type,
-            model=fields.integer("MODEL"),
-            vpic_body_class=fields.integer("VPICBODYCLASS"),
-            gvwr_class=fields.integer("GVWR_TO", "GVWR_FROM"),
-            gvwr_old=fields.integer("GVWR"),
-            trailers=trailers or 0,
-            curb_weight_lb=derived.decimal("CURBWEIGHTLB") if derived else None,
-            wheelbase_in=derived.decimal("WHEELBASEIN_FROM", "WHEELBASEIN") if derived else None,
-        )
-    )
+    body = _read_body(fields)
     speed_mps, above_highest = _travel_speed(fields)
-    movement = fields.code(codes.P_CRASH1)
-    unit_type = fields.code(codes.UNITTYPE)
-    hit_and_run = fields.known_code(codes.HIT_RUN)
-    speeding = fields.known_code(codes.SPEEDREL)
-    drinking = fields.known_code(codes.DR_DRINK)
-    lanes = fields.known_code(codes.VNUM_LAN)
+    movement = fields.code("P_CRASH1")
     occupants = _occupants(fields)
     driver = next((each for each in occupants if each.role_code == _DRIVER), None)
     return VehicleRecord(
-        number=number,
-        vehicle_class=body.vehicle_class,
-        length_m=body.length_m,
-        width_m=body.width_m,
-        height_m=body.height_m,
-        mass_kg=body.mass_kg,
-        body_type_code=BODY_TYP.known(body_type),
-        make_model=fields.text("MAK_MODNAME") or " ".join((fields.text("MAKENAME"), fields.text("MODELNAME"))).strip(),
-        model_year=_model_year(fields, "MOD_YEAR"),
-        trailers=trailers,
-        trailer=trailer_of(body, tow_code, fields.integer("TRLR1GVWR")),
-        jackknife_code=fields.known_code(codes.J_KNIFE),
-        in_transport=unit_type in (None, codes.IN_TRANSPORT),
+        **body,
+        jackknife_code=fields.known_code("J_KNIFE"),
+        in_transport=fields.code("UNITTYPE") in (None, codes.IN_TRANSPORT),
         travel_speed_mps=speed_mps,
         travel_speed_is_lower_bound=above_highest,
         speed_limit_mps=_speed_limit(fields),
-        speeding=None if speeding is None else speeding != 0,
-        driver_drinking=None if drinking is None else drinking != 0,
+        speeding=_is_said(fields, "SPEEDREL"),
+        driver_drinking=_is_said(fields, "DR_DRINK"),
         driver_age_years=None if driver is None else driver.age_years,
         driver_belted=_belted(driver),
-        occupants_killed=_within(fields.integer("DEATHS"), _MOST_KILLED),
-        lanes=lanes or None,
-        trafficway_code=fields.known_code(codes.VTRAFWAY),
-        alignment_code=fields.known_code(codes.VALIGN),
-        profile_code=fields.known_code(codes.VPROFILE),
-        surface_condition_code=fields.known_code(codes.VSURCOND),
-        traffic_control_code=fields.known_code(codes.VTRAFCON),
+        occupants_killed=fields.within(0, _MOST_KILLED, "DEATHS"),
+        lanes=fields.known_code("VNUM_LAN") or None,
+        trafficway_code=fields.known_code("VTRAFWAY"),
+        alignment_code=fields.known_code("VALIGN"),
+        profile_code=fields.known_code("VPROFILE"),
+        surface_condition_code=fields.known_code("VSURCOND"),
+        traffic_control_code=fields.known_code("VTRAFCON"),
         disobeyed_control=_disobeyed_control(fields),
         movement=PreCrashMovement.UNKNOWN if movement is None else PreCrashMovement(movement),
-        critical_event_code=fields.known_code(codes.P_CRASH2),
-        avoidance_code=fields.known_code(codes.P_CRASH3),
+        critical_event_code=fields.known_code("P_CRASH2"),
+        avoidance_code=fields.known_code("P_CRASH3"),
         stability_code=_stability(fields),
-        location_code=fields.known_code(codes.PCRASH5),
-        crash_type_code=fields.code(codes.ACC_TYPE),
-        initial_impact_code=fields.code(codes.IMPACT1),
-        damaged_areas=_listed(fields, "damage", codes.DAMAGE, "DAMAGE", "MDAREAS"),
-        avoidance_manoeuvres=_listed(fields, "maneuver", codes.MANEUVER, "MANEUVER", "MDRMANAV"),
-        rollover_code=fields.code(codes.ROLLOVER),
-        hit_and_run=None if hit_and_run is None else hit_and_run != 0,
+        location_code=fields.known_code("PCRASH5"),
+        crash_type_code=fields.code("ACC_TYPE"),
+        initial_impact_code=fields.code("IMPACT1"),
+        damaged_areas=known_codes(fields.own_rows("damage"), "DAMAGE", "DAMAGE", "MDAREAS"),
+        avoidance_manoeuvres=known_codes(fields.own_rows("maneuver"), "MANEUVER", "MANEUVER", "MDRMANAV"),
+        rollover_code=fields.code("ROLLOVER"),
+        hit_and_run=_is_said(fields, "HIT_RUN"),
         occupants=occupants,
-        implied=("vehicle_class",) if body_implied else (),
     )
 
 
@@ -148,42 +105,48 @@ def read_parked_vehicle(fields: Fields) -> VehicleRecord:
     >>> read_parked_vehicle(Fields({"VEH_NO": "2", "PBODYTYP": "4", "PTYPE": "2"}, "a report", 2023)).travel_speed_mps
     0.0
     """
-    number = _number(fields)
-    tow_code = fields.known_code(codes.TOW_VEH, "PTRAILER", "PTOW_VEH")
-    trailers = None if tow_code is None else codes.TRAILERS_OF_TOW_VEH[tow_code]
-    body_type = fields.code(BODY_TYP, "PBODYTYP")
-    body, body_implied = body_of(
-        BodyEvidence(
-            body_type=body_type,
-            model=fields.integer("PMODEL"),
-            vpic_body_class=fields.integer("PVPICBODYCLASS"),
-            gvwr_class=fields.integer("PGVWR_TO", "PGVWR_FROM"),
-            gvwr_old=fields.integer("PGVWR"),
-            trailers=trailers or 0,
-        )
-    )
-    initial = fields.code(codes.IMPACT1, "PIMPACT1")
-    stands = fields.code(codes.UNITTYPE, "PTYPE") != _WORKING
-    implied = (("vehicle_class",) if body_implied else ()) + (("travel_speed_mps",) if stands else ())
+    body = _read_body(fields, "P")
+    initial = fields.code("IMPACT1", "PIMPACT1")
+    stands = fields.code("UNITTYPE", "PTYPE") != _WORKING
     return VehicleRecord(
-        number=number,
-        vehicle_class=body.vehicle_class,
-        length_m=body.length_m,
-        width_m=body.width_m,
-        height_m=body.height_m,
-        mass_kg=body.mass_kg,
-        body_type_code=BODY_TYP.known(body_type),
-        make_model=fields.text("PMAK_MODNAME")
-        or " ".join((fields.text("PMAKENAME"), fields.text("PMODELNAME"))).strip(),
-        model_year=_model_year(fields, "PMODYEAR"),
-        trailers=trailers,
-        trailer=trailer_of(body, tow_code, fields.integer("PTRLR1GVWR")),
+        **body | {"implied": (*body["implied"], *(("travel_speed_mps",) if stands else ()))},
         in_transport=False,
         travel_speed_mps=0.0 if stands else None,
         initial_impact_code=initial,
         impact=impact_area(initial),
-        implied=implied,
     )
+
+
+def _read_body(fields: Fields, p: str = "") -> dict[str, Any]:
+    """Return the number of a vehicle and the fields on its body; ``p`` leads the columns of parked ones."""
+    number = _number(fields)
+    tow_code = fields.known_code("TOW_VEH", *(("PTRAILER", "PTOW_VEH") if p else ()))
+    trailers = None if tow_code is None else codes.TRAILERS_OF_TOW_VEH[tow_code]
+    body_type = fields.code("BODY_TYP", "PBODYTYP" if p else "BODY_TYP")
+    derived = None if p else next(fields.own_rows("vpicdecode"), None)
+    body, is_implied = body_of(
+        BodyEvidence(
+            body_type=body_type,
+            model=fields.integer(f"{p}MODEL"),
+            vpic_body_class=fields.integer(f"{p}VPICBODYCLASS"),
+            gvwr_class=fields.integer(f"{p}GVWR_TO", f"{p}GVWR_FROM"),
+            gvwr_old=fields.integer(f"{p}GVWR"),
+            trailers=trailers or 0,
+            curb_weight_lb=derived.decimal("CURBWEIGHTLB") if derived else None,
+            wheelbase_in=derived.decimal("WHEELBASEIN_FROM", "WHEELBASEIN") if derived else None,
+        )
+    )
+    make_model = " ".join((fields.text(f"{p}MAKENAME"), fields.text(f"{p}MODELNAME"))).strip()
+    return {
+        "number": number,
+        **body.as_fields(),
+        "body_type_code": BODY_TYP.known(body_type),
+        "make_model": fields.text(f"{p}MAK_MODNAME") or make_model,
+        "model_year": fields.within(1900, fields.year + 2, "PMODYEAR" if p else "MOD_YEAR"),
+        "trailers": trailers,
+        "trailer": trailer_of(body, tow_code, fields.integer(f"{p}TRLR1GVWR")),
+        "implied": ("vehicle_class",) if is_implied else (),
+    }
 
 
 def _number(fields: Fields) -> int:
@@ -207,8 +170,8 @@ def _occupants(fields: Fields) -> tuple[Occupant, ...]:
         found[number] = Occupant(
             number,
             role,
-            injury_code=codes.INJ_SEV.known(person.integer("INJ_SEV")),
-            age_years=_within(person.integer("AGE"), HIGHEST_AGE),
+            injury_code=code_table("INJ_SEV").known(person.integer("INJ_SEV")),
+            age_years=person.within(0, codes.HIGHEST_AGE, "AGE"),
             restraint_code=None if restraint in _RESTRAINT_UNKNOWN else restraint,
         )
     return tuple(found[number] for number in sorted(found))
@@ -233,8 +196,10 @@ def _disobeyed_control(fields: Fields) -> bool | None:
     return False if (charges | factors) - codes.UNKNOWN_FACTORS else None
 
 
-def _within(value: int | None, most: int) -> int | None:
-    return value if value is not None and 0 <= value <= most else None
+def _is_said(fields: Fields, element: str) -> bool | None:
+    """Return whether the code of an element is not 0, "no"; None if it is not known."""
+    code = fields.known_code(element)
+    return None if code is None else code != 0
 
 
 def _travel_speed(fields: Fields) -> tuple[float | None, bool]:
@@ -260,7 +225,7 @@ def _speed_limit(fields: Fields) -> float | None:
 
 def _stability(fields: Fields) -> int | None:
     """Return ``PCRASH4``, which CrashAPI serves as a label only."""
-    code = fields.code(codes.PCRASH4)
+    code = fields.code("PCRASH4")
     if code is None:
         label = fields.text("PCRASH4NAME").lower()
         code = next((code for words, code in codes.PCRASH4_OF_LABEL if words in label), None) if label else None
@@ -270,31 +235,21 @@ def _stability(fields: Fields) -> int | None:
     return codes.PCRASH4.known(code)
 
 
-def _listed(fields: Fields, rows: str, table: CodeTable, *names: str) -> tuple[int, ...]:
-    listed = (row.known_code(table, *names) for row in fields.own_rows(rows))
-    return tuple(sorted({code for code in listed if code is not None}))
-
-
-def _model_year(fields: Fields, name: str) -> int | None:
-    year = fields.integer(name)
-    return year if year is not None and 1900 <= year <= fields.year + 2 else None
-
-
 # --- trailers --------------------------------------------------------------------------------------------------------
 def trailer_of(body: ReportedBody, tow_code: int | None, gvwr_class: int | None = None) -> Trailer | None:
     """Return the trailer of a vehicle by its ``TOW_VEH``, or None without one.
 
     From 2020 on, the trailer's weight rating (``TRLR1GVWR``, 11 to 18) counts as well.
 
-    >>> from trace_dag.crash.codes.bodies import PICKUP, TRACTOR_OF_TRAILER
-    >>> trailer_of(PICKUP, 0)
-    >>> round(trailer_of(TRACTOR_OF_TRAILER, 1).combination_length_m, 2)
+    >>> from trace_dag.crash.codes.bodies import BODIES
+    >>> trailer_of(BODIES["pickup"], 0)
+    >>> round(trailer_of(BODIES["tractor_of_trailer"], 1).combination_length_m, 2)
     21.14
     """
-    if not TRAILERS_OF_TOW_VEH.get(tow_code or 0, 0):
+    if not codes.TRAILERS_OF_TOW_VEH.get(tow_code or 0, 0):
         return None
     kind, hitch_m = _LIGHT, body.length_m + _HITCH_BEHIND_M
-    if tow_code in TOWED_VEHICLES:
+    if tow_code in codes.TOWED_VEHICLES:
         kind = _TOWED_CAR
     elif body.vehicle_class is VehicleClass.TRACTOR_TRAILER:
         kind, hitch_m = _SEMITRAILER, body.length_m - _FIFTH_WHEEL_FROM_REAR_M

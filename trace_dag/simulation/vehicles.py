@@ -133,10 +133,10 @@ def trailer_model(body: Body, trailer: Trailer) -> VehicleModel:
 
     Its front axle is the hitch, which has no wheels.
 
-    >>> from trace_dag.crash.codes.bodies import PICKUP
+    >>> from trace_dag.crash.codes.bodies import BODIES
     >>> from trace_dag.crash.vehicles import trailer_of
     >>> from trace_dag.simulation.types import BodyKind
-    >>> trailer = trailer_of(PICKUP, 1)  # TOW_VEH 1: one trailer
+    >>> trailer = trailer_of(BODIES["pickup"], 1)  # TOW_VEH 1: one trailer
     >>> body = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.OTHER, trailer.length_m, 2.0, 2.0, trailer.mass_kg)
     >>> model = trailer_model(body, trailer)
     >>> model.front_stiffness_npr, model.max_acceleration_mps2  # no wheels in front, no engine

@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
-from trace_dag.common.errors import Reason
+from trace_dag.common.errors import Reason, Rejection
 from trace_dag.common.settings import VerdictSettings
 from trace_dag.crash.crash_types import turn_of
-from trace_dag.crash.event_sequence import CrashEvent, EventSequence, Missing, event_sequence, sequence_of
+from trace_dag.crash.event_sequence import CrashEvent, EventSequence, sequence_of
 from trace_dag.crash.parties import EventKind, PartyKind, person_party, thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist
 from trace_dag.crash.road_departure import departure_of
@@ -145,8 +145,11 @@ def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
     >>> [vehicle.number for vehicle in same.vehicles], in_place_of(tree_record, queue_record)
     ([1, 2, 3], None)
     """
-    theirs, ours = event_sequence(other), event_sequence(own)
-    if isinstance(theirs, Missing) or isinstance(ours, Missing) or _kinds(theirs) != _kinds(ours):
+    try:
+        theirs, ours = sequence_of(other), sequence_of(own)
+    except Rejection:
+        return None
+    if _kinds(theirs) != _kinds(ours):
         return None
     later = ours.first.number - theirs.first.number
     taking_part, own_parties = _taking_part(theirs), _taking_part(ours)
@@ -173,7 +176,11 @@ def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
         non_motorists=tuple(_numbered(person, numbers[party]) for party, person in listed.items()),
         events=tuple(map(renumbered, other.events)),
     )
-    return None if isinstance(event_sequence(foreign), Missing) else foreign
+    try:
+        sequence_of(foreign)
+    except Rejection:
+        return None
+    return foreign
 
 
 def _taking_part(sequence: EventSequence) -> list[int]:

@@ -31,9 +31,9 @@ from trace_dag.common.provenance import crash_of
 from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import Storage
 from trace_dag.crash.classes import JUDGED_KINDS, CrashKind
-from trace_dag.crash.codes import elements as codes
 from trace_dag.crash.codes.elements import STATES
 from trace_dag.crash.codes.odd import ODD
+from trace_dag.crash.codes.table import code_table
 from trace_dag.crash.listing import CrashListing
 from trace_dag.crash.parse import reported_position
 from trace_dag.flow.cohorts.listings import listings_of
@@ -69,15 +69,13 @@ _MEMORY_LIMIT = "1GB"
 # Each column of each table takes whole blocks. With DuckDB's usual 256 kB nearly all of a warehouse of a few hundred
 # crashes is empty: 20 kB per crash in place of 6; of 36,000 it saves nothing and costs 2 s.
 _BLOCK_BYTES = 32_768
-_CODES = (
-    *(codes.FUNC_SYS, codes.LGT_COND, codes.MAN_COLL, codes.REL_ROAD, codes.RELJCT2, codes.RUR_URB, codes.TYP_INT),
-    *(codes.WEATHER, codes.HARM_EV, codes.IMPACT1, codes.SOE, codes.PEDCGP, codes.BIKECGP),
-    *(codes.ACC_TYPE, codes.P_CRASH1, codes.P_CRASH2, codes.VALIGN, codes.VPROFILE, codes.VSURCOND),
-    *(codes.J_KNIFE, codes.VTRAFCON, codes.VTRAFWAY),
-    *(codes.SEX, codes.LOCATION, codes.NMACTION, codes.NMCC, codes.MSAFEQMT, *codes.EQUIPMENT),
-    *(codes.PBCWALK, codes.PBSWALK, codes.PBSZONE, codes.PEDLOC, codes.PEDPOS, codes.BIKEPOS),
-    *(codes.PEDDIR, codes.BIKEDIR, codes.MOTDIR, codes.MOTMAN, codes.PEDLEG, codes.PER_TYP),
-)
+_CODES = """
+    FUNC_SYS LGT_COND MAN_COLL REL_ROAD RELJCT2 RUR_URB TYP_INT WEATHER HARM_EV IMPACT1 SOE PEDCGP BIKECGP
+    ACC_TYPE P_CRASH1 P_CRASH2 VALIGN VPROFILE VSURCOND J_KNIFE VTRAFCON VTRAFWAY SEX LOCATION NMACTION NMCC
+    MSAFEQMT NMHELMET NMPROPAD NMOTHPRO NMREFCLO NMLIGHT NMOTHPRE PBCWALK PBSWALK PBSZONE PEDLOC PEDPOS
+    BIKEPOS PEDDIR BIKEDIR MOTDIR MOTMAN PEDLEG PER_TYP
+"""
+"""Elements whose codes stand in the warehouse's columns."""
 _POSITION = ("latitude_deg", "longitude_deg")
 
 
@@ -330,7 +328,7 @@ def code_meanings() -> pa.Table:
 
     meanings = [
         {"element": table.element, "code": code, "meaning": meaning}
-        for table in _CODES
+        for table in map(code_table, _CODES.split())
         for code, meaning in table.meanings.items()
         if meaning and table.known(code) is not None
     ]

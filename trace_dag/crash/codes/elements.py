@@ -22,7 +22,6 @@ WEATHER = code_table("WEATHER")
 ROUTE = code_table("ROUTE")
 RUR_URB = code_table("RUR_URB")
 FUNC_SYS = code_table("FUNC_SYS")
-ROAD_FNC = code_table("ROAD_FNC")
 FUNC_SYS_OF_ROAD_FNC: Final = {
     1: 1, 2: 3, 3: 4, 4: 5, 5: 6, 6: 7, 11: 1, 12: 2, 13: 3, 14: 4, 15: 5, 16: 7,
 }  # fmt: skip
@@ -34,11 +33,9 @@ STATES: Final = code_table("STATE").meanings
 
 # --- persons ---------------------------------------------------------------------------------------------------------
 PER_TYP = code_table("PER_TYP")
-INJ_SEV = code_table("INJ_SEV")
 VEHICLE_OCCUPANTS: Final = frozenset({1, 2, 3, 9})
 """``PER_TYP`` of persons in motor vehicles; every other person is a non-motorist."""
 
-SEX = code_table("SEX")
 HIGHEST_AGE: Final = 120
 """``AGE``, ``PBAGE``: years."""
 AGE_UNKNOWN: Final = frozenset({998, 999})
@@ -46,31 +43,13 @@ AGE_UNKNOWN: Final = frozenset({998, 999})
 
 LOCATION = code_table("LOCATION")
 NMACTION = code_table("NMACTION")
-NMCC = code_table("NMCC")
-MSAFEQMT = code_table("MSAFEQMT")
-
-
-EQUIPMENT: Final = tuple(map(code_table, ("NMHELMET", "NMPROPAD", "NMOTHPRO", "NMREFCLO", "NMLIGHT", "NMOTHPRE")))
-"""Safety equipment since 2019: an element for each kind."""
 
 # --- typing of the crash (PBTYPE) ------------------------------------------------------------------------------------
 PBCWALK = code_table("PBCWALK")
-PBSWALK = code_table("PBSWALK")
-PBSZONE = code_table("PBSZONE")
-PEDLOC = code_table("PEDLOC")
-BIKELOC = code_table("BIKELOC")
 PEDPOS = code_table("PEDPOS")
 BIKEPOS = code_table("BIKEPOS")
 PEDDIR = code_table("PEDDIR")
 MOTDIR = code_table("MOTDIR")
-BIKEDIR = code_table("BIKEDIR")
-MOTMAN = code_table("MOTMAN")
-PEDLEG = code_table("PEDLEG")
-PEDCGP = code_table("PEDCGP")
-BIKECGP = code_table("BIKECGP")
-# The types refine the groups above, which are what a summary says; here their codes are checked, and passed on.
-PEDCTYPE = code_table("PEDCTYPE")
-BIKECTYPE = code_table("BIKECTYPE")
 
 PEDSNR: Final = frozenset(f"{number}{letter}" for number in range(1, 13) for letter in "abcd")
 """``PEDSNR``: 1 to 12 by the motorist's manoeuvre (straight, right, left), side and crosswalk; a left, b right of the
@@ -79,11 +58,9 @@ PEDSNR_UNKNOWN: Final = frozenset({"7", "8", "99"})
 
 
 # --- vehicles --------------------------------------------------------------------------------------------------------
-UNITTYPE = code_table("UNITTYPE")
 IN_TRANSPORT: Final = 1
 
 SPEEDREL = code_table("SPEEDREL")
-DR_DRINK = code_table("DR_DRINK")
 VTRAFWAY = code_table("VTRAFWAY")
 NON_TRAFFICWAY: Final = 0
 
@@ -104,7 +81,6 @@ FACTOR_OF_CONTROL: Final = 39
 UNKNOWN_FACTORS: Final = frozenset({None, 98, 99})
 
 HIT_RUN = code_table("HIT_RUN")
-ROLLOVER = code_table("ROLLOVER")
 NO_ROLLOVER: Final = frozenset({0, 8})
 
 TOW_VEH = code_table("TOW_VEH")
@@ -129,7 +105,6 @@ PCRASH4_OF_LABEL: Final = (
 """CrashAPI serves the label of ``PCRASH4`` without the code: the first of these words in it names the code."""
 
 PCRASH5 = code_table("PCRASH5")
-MANEUVER = code_table("MANEUVER")
 ACC_TYPE = code_table("ACC_TYPE")
 
 
@@ -186,8 +161,6 @@ SET_IN_MOTION: Final = frozenset({18, 19, 20})
 """Not the vehicle itself touched: what it had set in motion did."""
 NOT_HARMFUL: Final = 55
 IMPACT1 = code_table("IMPACT1")
-AOI = code_table("AOI")
-DAMAGE = code_table("DAMAGE")
 
 NO_SECOND_VEHICLE: Final = frozenset({5555, 9999})
 """``VNUMBER2`` of events that are not harmful, or whose second party is not a motor vehicle."""

@@ -20,7 +20,6 @@ from trace_dag.common.messages.wording import count_of
 from trace_dag.common.schemas import Column, ColumnType
 from trace_dag.crash.codes import elements as codes
 from trace_dag.crash.codes.bodies import BodyEvidence, body_of
-from trace_dag.crash.codes.elements import STATES
 from trace_dag.crash.codes.table import code_table, has_codes
 from trace_dag.crash.crash_types import turn_of
 from trace_dag.crash.derive import impact_area
@@ -281,7 +280,7 @@ class RowReader:
             position_accuracy_m=mapping.point_accuracy_m,
             attribution=mapping.credit,
             state_code=mapping.state,
-            state_name=STATES.get(mapping.state or 0, ""),
+            state_name=codes.STATES.get(mapping.state or 0, ""),
             county_name=self._text(row, mapping.crash.county_name),
             city_name=self._text(row, mapping.crash.city_name),
             **moment._asdict(),
@@ -341,11 +340,7 @@ class RowReader:
         driver = {name: code for name, code in coded.items() if name in OCCUPANT_FIELDS and moves}
         vehicle = VehicleRecord(
             number=number,
-            vehicle_class=body.vehicle_class,
-            length_m=body.length_m,
-            width_m=body.width_m,
-            height_m=body.height_m,
-            mass_kg=body.mass_kg,
+            **body.as_fields(),
             make_model=" ".join(filter(None, named)),
             model_year=self._year(row, unit),
             in_transport=moves,

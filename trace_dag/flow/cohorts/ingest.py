@@ -18,7 +18,7 @@ from trace_dag.common.gc_pause import gc_paused
 from trace_dag.common.messages.progress import OnProgress
 from trace_dag.common.messages.wording import count_of
 from trace_dag.common.storage.files import Storage
-from trace_dag.crash.folder import Conflict, Duplicate, Unrecognised, scan
+from trace_dag.crash.folder import FurtherFile, Unrecognised, scan
 from trace_dag.crash.listing import CrashListing
 from trace_dag.flow.cohorts.choice import Choice
 from trace_dag.flow.cohorts.kept_files import remove_unused_map_copies
@@ -41,8 +41,8 @@ class IngestReport:
     """
 
     registration: Registration
-    duplicates: tuple[Duplicate, ...] = ()
-    conflicts: tuple[Conflict, ...] = ()
+    duplicates: tuple[FurtherFile, ...] = ()
+    conflicts: tuple[FurtherFile, ...] = ()
     unrecognised: tuple[Unrecognised, ...] = ()
     offered: int = 0
     maps: int = 0

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from trace_dag.common.geometry import FloatArray, Pose, Poses, gaps_m
-from trace_dag.crash.codes import bodies
+from trace_dag.crash.codes.bodies import BODIES
 from trace_dag.crash.parties import SURROUNDING
 from trace_dag.crash.record import VehicleClass
 from trace_dag.scenario.traffic.volumes import TrafficClass
@@ -21,12 +21,12 @@ _BRAKING_MPS2, _STANDS_S = 3.0, 60.0
 _LOGGED: Final = 5  # of a log's steps, one is kept
 _COMBINATION_M: Final = 21.0  # AASHTO's WB-62, 69 ft, as one body
 _REPORTED: Final = {
-    VehicleClass.CAR: bodies.SEDAN,
-    VehicleClass.PICKUP: bodies.PICKUP,
-    VehicleClass.MOTORCYCLE: bodies.MOTORCYCLE,
-    VehicleClass.BUS: bodies.TRANSIT_BUS,
-    VehicleClass.TRUCK: bodies.LARGE_TRUCK,
-    VehicleClass.TRACTOR_TRAILER: bodies.TRACTOR_OF_TRAILER,
+    VehicleClass.CAR: BODIES["sedan"],
+    VehicleClass.PICKUP: BODIES["pickup"],
+    VehicleClass.MOTORCYCLE: BODIES["motorcycle"],
+    VehicleClass.BUS: BODIES["transit_bus"],
+    VehicleClass.TRUCK: BODIES["large_truck"],
+    VehicleClass.TRACTOR_TRAILER: BODIES["tractor_of_trailer"],
 }
 
 
