@@ -10,8 +10,10 @@ everything that shows them has to say so.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -67,6 +69,15 @@ class RawWay(NamedTuple):
     longitudes_deg: FloatArray
     latitudes_deg: FloatArray
     tags: Mapping[str, str]
+
+
+def count_arms(ways: Iterable[OsmWay]) -> Counter[int]:
+    """Count the ways that leave each node, one that passes through counting twice.
+
+    >>> sorted(count_arms([OsmWay(1, (7, 8, 9)), OsmWay(2, (8, 10))]).items())
+    [(7, 1), (8, 3), (9, 1), (10, 1)]
+    """
+    return Counter(node_id for way in ways for pair in pairwise(way.node_ids) for node_id in pair)
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from trace_dag.crash.record import CrashRecord, Heading, Moment, PreCrashMovemen
 from trace_dag.osm.road_classes import road_class
 from trace_dag.reconstruction.motion.speeds import STOP_CONTROLS, class_speed_mps
 from trace_dag.reconstruction.scene.approaches import Approach
-from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
+from trace_dag.roads.crash_site.street_names import is_same_street
 from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement
@@ -86,7 +86,7 @@ def is_cross(network: RoadNetwork, placement: CrashPlacement, record: CrashRecor
     """
     if any(_same_street(network, road_id, road) for road_id in placement.cross_road_ids):
         return True
-    return bool(record.trafficway_2) and (similarity(record.trafficway_2, road.names) or 0.0) >= SAME_STREET
+    return bool(record.trafficway_2) and is_same_street(record.trafficway_2, road.names)
 
 
 def _same_street(network: RoadNetwork, road_id: str, road: Road) -> bool:

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from trace_dag.crash.record import CrashRecord
-from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
+from trace_dag.roads.crash_site.street_names import SAME_STREET, best_similarity
 from trace_dag.roads.crash_site.streets import joined_by, roads_near
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.simulation.types import VehicleLog
@@ -71,10 +71,7 @@ def street_likeness(street: DepartedStreet, record: CrashRecord) -> tuple[float 
     (None, None, '')
     """
     reported = [name for name in (record.trafficway_1, record.trafficway_2) if name]
-    likeness, best_near = (
-        max((value for each in reported if (value := similarity(each, names)) is not None), default=None)
-        for names in (street.names, street.near)
-    )
+    likeness, best_near = best_similarity(reported, street.names), best_similarity(reported, street.near)
     if likeness is None or best_near is None or best_near < SAME_STREET:
         return likeness, None, ""
     held = likeness >= SAME_STREET

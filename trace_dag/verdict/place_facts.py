@@ -29,7 +29,7 @@ from trace_dag.roads.crash_site.agreement import (
 )
 from trace_dag.roads.crash_site.placement import class_steps, is_at_intersection
 from trace_dag.roads.crash_site.reported_road import Trafficway, trafficway_on_map
-from trace_dag.roads.crash_site.street_names import OTHER_STREET, SAME_STREET, parse_street, similarity
+from trace_dag.roads.crash_site.street_names import OTHER_STREET, SAME_STREET, is_same_street, parse_street, similarity
 from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import Comparison, CrashPlacement, MapReport
@@ -130,7 +130,7 @@ def _agreement_of_names(reported: str, here: set[str], around: set[str], *, on_r
         return Agreement.AGREES
     if wanted.ramp:
         return None  # ramps seldom bear a name
-    is_around = (similarity(reported, around) or 0.0) >= SAME_STREET
+    is_around = is_same_street(reported, around)
     if on_reported_ramp and is_around:
         return Agreement.NEAR  # a ramp leads from one street to the other
     if value is not None:

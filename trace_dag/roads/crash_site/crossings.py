@@ -17,7 +17,7 @@ from trace_dag.common.units import wrap_angle
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.osm.road_classes import SERVICE_HIGHWAYS
 from trace_dag.osm.types import OsmExtract
-from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
+from trace_dag.roads.crash_site.street_names import SAME_STREET, best_similarity
 from trace_dag.roads.map.model import ContactPoint, Junction, Road
 from trace_dag.roads.map.network import RoadNetwork
 
@@ -145,11 +145,8 @@ def _ends_at_junctions(network: RoadNetwork) -> dict[str, list[_End]]:
     """Return the ends of roads at each junction, connecting roads left out."""
     ends: dict[str, list[_End]] = defaultdict(list)
     for road in network.roads:
-        if road.junction_id is not None:
-            continue
-        for contact, _, link in road.ends:
-            if link is not None and link.element_type == "junction":
-                ends[link.element_id].append((road, contact))
+        for contact, _, junction_id in road.ends_at_junctions:
+            ends[junction_id].append((road, contact))
     return ends
 
 
@@ -317,8 +314,8 @@ def _are_carriageways(a: Arm, b: Arm) -> bool:
 def _may_be_one_street(a: Arm, b: Arm) -> bool:
     if not a.names or not b.names or a.names & b.names:
         return True
-    alike = [value for name in a.names if (value := similarity(name, sorted(b.names))) is not None]
-    return max(alike, default=1.0) >= SAME_STREET
+    alike = best_similarity(a.names, b.names)
+    return alike is None or alike >= SAME_STREET
 
 
 def _joined(a: Arm, b: Arm) -> Arm:

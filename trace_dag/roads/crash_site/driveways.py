@@ -10,7 +10,7 @@ does.
 from __future__ import annotations
 
 import math
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -23,7 +23,7 @@ from trace_dag.common.units import wrap_angle
 from trace_dag.crash.crash_types import Relation, Side, Turn, crash_type_of, critical_event, opposite_side, turn_of
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.osm.road_classes import is_drivable, road_class
-from trace_dag.osm.types import OsmExtract, OsmNode, OsmWay
+from trace_dag.osm.types import OsmExtract, OsmNode, OsmWay, count_arms
 from trace_dag.roads.crash_site.placement import is_at_intersection
 from trace_dag.roads.crash_site.reported_road import pair_of
 from trace_dag.roads.from_osm.tags import INFERRED_TAG, goes_one_way
@@ -204,13 +204,10 @@ def _sides_passed(network: RoadNetwork, street: _Street) -> set[Side]:
 def _road_ends(network: RoadNetwork) -> Iterator[tuple[FloatArray, float]]:
     """Yield the ends of roads at junctions, with the heading away from there along the road."""
     for road in network.roads:
-        if road.junction_id is not None:
-            continue
-        geometry = network.road_geometry(road.id)
-        for contact, s_m, link in road.ends:
-            if link is not None and link.element_type == "junction":
-                x, y, heading = (float(value) for value in geometry.line.sample(np.array([s_m]))[0][:3])
-                yield np.array([x, y]), heading if contact is ContactPoint.START else heading + math.pi
+        for contact, s_m, _ in road.ends_at_junctions:
+            line = network.road_geometry(road.id).line
+            x, y, heading = (float(value) for value in line.sample(np.array([s_m]))[0][:3])
+            yield np.array([x, y]), heading if contact is ContactPoint.START else heading + math.pi
 
 
 # --- drawing -------------------------------------------------------------------------------------------------------
@@ -230,7 +227,7 @@ class _Canvas:
         self._frame = network.frame
         self._extract = extract
         self._ways = [way for way in extract.ways if is_drivable(way.tags, service_roads=True) and _whole(way, extract)]
-        self._arms = Counter(node for way in self._ways for pair in pairwise(way.node_ids) for node in pair)
+        self._arms = count_arms(self._ways)
         places = extract.local_xy_m(extract.nodes, network.frame)
         self._xy: dict[int, FloatArray] = dict(zip(extract.nodes, places, strict=True))
         self._new_nodes: list[OsmNode] = []

@@ -8,14 +8,13 @@ them.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final, TypeVar
 
 from trace_dag.crash.record import CrashRecord, VehicleRecord
-from trace_dag.osm.types import OsmExtract, OsmNode, OsmWay
+from trace_dag.osm.types import OsmExtract, OsmNode, OsmWay, count_arms
 from trace_dag.roads.crash_site.agreement import CONTROL, LANES, LIMIT, SiteStreets, StreetAtCrash, streets_at
 from trace_dag.roads.crash_site.driveways import add_driveways
 from trace_dag.roads.crash_site.reported_road import Control, Trafficway, control_of, trafficway_of
@@ -134,7 +133,7 @@ def _add_controls(network: RoadNetwork, extract: OsmExtract, streets: SiteStreet
 
 def _with_signals(extract: OsmExtract, node_ids: set[int]) -> OsmExtract:
     """Return the extract with signals on nodes of a crossing where ways meet."""
-    arms = Counter(node_id for way in extract.ways for pair in pairwise(way.node_ids) for node_id in pair)
+    arms = count_arms(extract.ways)
     new = {
         node_id: node._replace(tags={**node.tags, "highway": "traffic_signals"})
         for node_id in sorted(node_ids)

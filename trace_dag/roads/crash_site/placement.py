@@ -40,7 +40,7 @@ from trace_dag.roads.crash_site.reported_road import (
     trafficway_of,
     trafficway_on_map,
 )
-from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
+from trace_dag.roads.crash_site.street_names import SAME_STREET, is_same_street, similarity
 from trace_dag.roads.crash_site.streets import carriageway_at, joined_by, roads_near
 from trace_dag.roads.map.model import LaneMatch, LaneRef, Road
 from trace_dag.roads.map.network import RoadNetwork
@@ -270,8 +270,7 @@ class _Placer:
         return tuple(
             road_id
             for road_id in self._near
-            if road_id not in exclude
-            and (similarity(reported, self._network.road_by_id[road_id].names) or 0.0) >= SAME_STREET
+            if road_id not in exclude and is_same_street(reported, self._network.road_by_id[road_id].names)
         )
 
     # --- crossings -------------------------------------------------------------------------------------------
@@ -327,11 +326,7 @@ class _Placer:
         own = set(crossing.street_of(road.id))
         others = [arm for arm in crossing.arms if own.isdisjoint(arm.road_ids)]
         if self._record.trafficway_2:
-            named = [
-                arm
-                for arm in others
-                if (similarity(self._record.trafficway_2, sorted(arm.names)) or 0.0) >= SAME_STREET
-            ]
+            named = [arm for arm in others if is_same_street(self._record.trafficway_2, arm.names)]
             others = named or others
         return tuple(road_id for arm in others for road_id in arm.road_ids)
 
@@ -385,10 +380,5 @@ def _are_same_streets(similarities: Iterable[float | None]) -> bool:
 
 
 def _name_similarities(crossing: Crossing, record: CrashRecord) -> tuple[float | None, float | None]:
-    first, second = (
-        max(
-            (value for arm in crossing.arms if (value := similarity(name, sorted(arm.names))) is not None), default=None
-        )
-        for name in (record.trafficway_1, record.trafficway_2)
-    )
-    return first, second
+    names = {name for arm in crossing.arms for name in arm.names}
+    return similarity(record.trafficway_1, names), similarity(record.trafficway_2, names)

@@ -14,7 +14,14 @@ from typing import Final
 
 from trace_dag.crash.record import CrashRecord, VehicleRecord
 from trace_dag.osm.road_classes import road_class
-from trace_dag.roads.crash_site.street_names import OTHER_STREET, SAME_STREET, RouteSystem, parse_street, similarity
+from trace_dag.roads.crash_site.street_names import (
+    OTHER_STREET,
+    RouteSystem,
+    best_similarity,
+    is_same_street,
+    parse_street,
+    similarity,
+)
 from trace_dag.roads.crash_site.streets import Carriageway
 from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
@@ -183,10 +190,9 @@ def has_name_of_another(record: CrashRecord, names: Collection[str], network: Ro
     reported = [name for name in (record.trafficway_1, record.trafficway_2) if name]
     if not reported or is_on_ramp(record):
         return False
-    if any((similarity(name, names) or 0.0) >= SAME_STREET for name in reported):
+    if any(is_same_street(name, names) for name in reported):
         return False
-    around = {name for road in network.roads for name in road.names}
-    return (similarity(reported[0], around) or 0.0) >= SAME_STREET
+    return is_same_street(reported[0], {name for road in network.roads for name in road.names})
 
 
 def contradiction(record: CrashRecord, road: Road, names: Collection[str], network: RoadNetwork) -> str:
@@ -213,11 +219,10 @@ def contradiction(record: CrashRecord, road: Road, names: Collection[str], netwo
 
 def _has_other_name(record: CrashRecord, names: Collection[str]) -> bool:
     """Return whether a place has names other than those reported, if the first one can be compared."""
-    reported = [name for name in (record.trafficway_1, record.trafficway_2) if name]
     if is_on_ramp(record) or similarity(record.trafficway_1, names) is None:
         return False
-    likeness = [value for name in reported if (value := similarity(name, names)) is not None]
-    return max(likeness) < OTHER_STREET
+    likeness = best_similarity((record.trafficway_1, record.trafficway_2), names)
+    return likeness is not None and likeness < OTHER_STREET
 
 
 def _has_ramp_near(network: RoadNetwork) -> bool:

@@ -8,7 +8,7 @@ Service's Publication 28 (appendices B and C1), as far as FARS and OSM use them,
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from difflib import SequenceMatcher
 from enum import StrEnum
@@ -141,6 +141,24 @@ def similarity(reported: str, mapped: Iterable[str]) -> float | None:
         if value is not None and (best is None or value > best):
             best = value
     return best
+
+
+def best_similarity(reported: Iterable[str], mapped: Collection[str]) -> float | None:
+    """Score the fit of the best of several reported streets, as :func:`similarity`; None if none can be compared.
+
+    >>> best_similarity(["MAIN ST", "SR-41"], ["Elder Street", "Main Street"])
+    1.0
+    """
+    return max((value for each in reported if (value := similarity(each, mapped)) is not None), default=None)
+
+
+def is_same_street(reported: str, mapped: Iterable[str]) -> bool:
+    """Return whether a reported street is that of the mapped names.
+
+    >>> is_same_street("MAIN ST", ["US 1", "Main Street"]), is_same_street("MAIN ST", ["US 1"])
+    (True, False)
+    """
+    return (similarity(reported, mapped) or 0.0) >= SAME_STREET
 
 
 class StreetIndex:

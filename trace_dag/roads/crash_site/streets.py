@@ -13,7 +13,7 @@ from typing import Final
 from trace_dag.common.units import wrap_angle
 from trace_dag.crash.record import CrashRecord
 from trace_dag.osm.road_classes import SERVICE_HIGHWAYS
-from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
+from trace_dag.roads.crash_site.street_names import SAME_STREET, best_similarity
 from trace_dag.roads.from_osm.tags import LEFT_TURNS, RIGHT_TURNS
 from trace_dag.roads.map.model import Lane, LaneMatch, LaneType, Road
 from trace_dag.roads.map.network import RoadNetwork
@@ -94,13 +94,13 @@ def _street(network: RoadNetwork, record: CrashRecord, roads: dict[str, Nearness
     pose = network.pose(match.lane, match.s_m, min(max(match.offset_m, -half_m), half_m))
     names = {name for each in roads for name in network.road_by_id[each].names}
     reported = (record.trafficway_1, record.trafficway_2)
-    likeness = [value for each in reported if (value := similarity(each, names)) is not None]
+    likeness = best_similarity(reported, names)
     return NearStreet(
         name=road.name,
         highway=road.highway,
         distance_m=round(near.distance_m, 2),
         nearest_xy_m=(round(pose.x_m, 2), round(pose.y_m, 2)),
-        bears_reported_name=max(likeness) >= SAME_STREET if likeness else None,
+        bears_reported_name=None if likeness is None else likeness >= SAME_STREET,
     )
 
 

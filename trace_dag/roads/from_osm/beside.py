@@ -178,7 +178,9 @@ class _Outside:
         cycle, outer = [[key for key in keys if key in new] for keys in (("cycle",), ("shoulder", "verge", "walk"))]
         order: list[Lane | str] = [*own[:inner], *cycle, *own[inner:], *outer]
         self._order = [(side * number, each) for number, each in enumerate(order, 1)]
-        self._id_of_new = {each: lane_id for lane_id, each in self._order if isinstance(each, str)}
+        added = [(lane_id, each) for lane_id, each in self._order if isinstance(each, str)]
+        self._new_at_start = {each: lane_id for lane_id, each in added if new[each].start_m > _HAIR_M}
+        self._new_at_end = {each: lane_id for lane_id, each in added if new[each].end_m > _HAIR_M}
         self._id_of_own = {each.id: lane_id for lane_id, each in self._order if isinstance(each, Lane)}
 
     @classmethod
@@ -233,20 +235,10 @@ class _Outside:
                 lane_id,
                 new.type,
                 new.widths,
-                predecessor=before._id_of_new.get(each)
-                if before and before._reaches_end(each) and new.start_m > _HAIR_M
-                else None,
-                successor=after._id_of_new.get(each)
-                if after and after._reaches_start(each) and new.end_m > _HAIR_M
-                else None,
+                predecessor=before._new_at_end.get(each) if before and each in self._new_at_start else None,
+                successor=after._new_at_start.get(each) if after and each in self._new_at_end else None,
                 mark=LEGAL_EDGE if new.type is LaneType.BIKING else NOT_CROSSED,
             )
-
-    def _reaches_end(self, key: str) -> bool:
-        return key in self._new and self._new[key].end_m > _HAIR_M
-
-    def _reaches_start(self, key: str) -> bool:
-        return key in self._new and self._new[key].start_m > _HAIR_M
 
 
 def _widths(strips: Sequence[tuple[Strip, float]], begin_m: float, end_m: float, least_m: float) -> tuple[Cubic, ...]:

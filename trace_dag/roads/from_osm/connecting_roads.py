@@ -24,8 +24,10 @@ from trace_dag.roads.from_osm.turn_curves import (
 )
 from trace_dag.roads.map.curves import (
     PlanView,
+    Point,
     connect,
     cut_plan,
+    direction_rad,
     drop_slivers,
     join_plans,
     plan_pose,
@@ -157,7 +159,7 @@ def _possible(links: list[_Link]) -> list[_Link]:
     undrivable = [link for link in links if link.movement.turn == "u_turn" and not _fits(link, links)]
     if not undrivable:
         return links
-    ways: Counter[tuple[str, ContactPoint, int]] = Counter(end for link in links for end in _lane_ends(link))
+    ways: Counter[tuple[RoadLink, int]] = Counter(end for link in links for end in _lane_ends(link))
     impossible = []
     for link in undrivable:
         if all(ways[end] > 1 for end in _lane_ends(link)):
@@ -166,11 +168,11 @@ def _possible(links: list[_Link]) -> list[_Link]:
     return [link for link in links if not any(link is other for other in impossible)]
 
 
-def _lane_ends(link: _Link) -> list[tuple[str, ContactPoint, int]]:
-    origin, target = link.movement.origin, link.movement.target
+def _lane_ends(link: _Link) -> list[tuple[RoadLink, int]]:
+    movement = link.movement
     return [
-        *((origin.road_id, origin.contact, lane.id) for lane, _ in link.lanes),
-        *((target.road_id, target.contact, lane.id) for _, lane in link.lanes),
+        *((movement.origin.link, lane.id) for lane, _ in link.lanes),
+        *((movement.target.link, lane.id) for _, lane in link.lanes),
     ]
 
 
@@ -180,7 +182,7 @@ def _fits(link: _Link, links: Sequence[_Link]) -> bool:
 
     if tightest_radius_m(link.plan) < TIGHTEST_RADIUS_M * 0.999:
         return False
-    arms = {(a.road_id, a.contact): a for each in links for a in (each.movement.origin, each.movement.target)}
+    arms = {arm.link: arm for each in links for arm in (each.movement.origin, each.movement.target)}
     corners = [
         (corner.x_m, corner.y_m)
         for arm in arms.values()
@@ -213,33 +215,27 @@ def _along_streets(movement: Movement) -> PlanView | None:
     """Return the geometry of the streets through the junction; None if it turns back on itself."""
     head, first = _split_last_line(movement.origin.rest)
     tail, last = _split_last_line(movement.target.rest)
-    points = [first, *_distinct(movement, first, last), last]
-    middle = _drop_repeats(points)
+    begin, end = (plan_pose(arm.rest, arm.rest.length_m)[:2] for arm in (movement.origin, movement.target))
+    middle = _drop_repeats([first, begin, *movement.waypoints[1:], end, last])
     if len(middle) < 2:
         return None
-    directions = [math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in pairwise(middle)]
+    directions = [direction_rad(*pair) for pair in pairwise(middle)]
     if any(abs(math.remainder(b - a, math.tau)) > _STRAIGHT_PATH_RAD for a, b in pairwise(directions)):
         return None
     plan = fit_plan(middle, _STRAIGHT_RADIUS_M, keep_ends=True)
     return join_plans([p for p in (head, plan, reverse_plan(tail)) if p.elements])
 
 
-def _split_last_line(rest: PlanView) -> tuple[PlanView, tuple[float, float]]:
+def _split_last_line(rest: PlanView) -> tuple[PlanView, Point]:
     """Return a plan without its last line, and the beginning of that line."""
     last = rest.elements[-1]
     return cut_plan(rest, 0.0, last.s_m), (last.x_m, last.y_m)
 
 
-def _distinct(movement: Movement, first: tuple[float, float], last: tuple[float, float]) -> list[tuple[float, float]]:
-    start = plan_pose(movement.origin.rest, movement.origin.rest.length_m)
-    end = plan_pose(movement.target.rest, movement.target.rest.length_m)
-    return [(start.x_m, start.y_m), *movement.waypoints[1:], (end.x_m, end.y_m)]
-
-
-def _drop_repeats(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+def _drop_repeats(points: Sequence[Point]) -> list[Point]:
     kept = [points[0]]
     for point in points[1:]:
-        if math.hypot(point[0] - kept[-1][0], point[1] - kept[-1][1]) > 1e-3:
+        if math.dist(kept[-1], point) > 1e-3:
             kept.append(point)
     return kept
 
@@ -269,8 +265,8 @@ def _road(link: _Link, road_id: str, junction_id: str) -> Road:
         lane_sections=(LaneSection(0.0, tuple(lanes)),),
         lane_offset=(_ease(*link.offsets_m, length),),
         junction_id=junction_id,
-        predecessor=RoadLink("road", origin.road_id, origin.contact),
-        successor=RoadLink("road", target.road_id, target.contact),
+        predecessor=origin.link,
+        successor=target.link,
         highway=origin.profile.highway,
         osm_way_ids=() if origin.profile.inferred or target.profile.inferred else movement.way_ids,
         name=origin.profile.name if movement.turn == "straight" else "",

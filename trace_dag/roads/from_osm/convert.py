@@ -37,13 +37,7 @@ from trace_dag.roads.from_osm.corners import add_lanes_through_junctions
 from trace_dag.roads.from_osm.crosswalks import add_crosswalks
 from trace_dag.roads.from_osm.elevation import elevate
 from trace_dag.roads.from_osm.junction_areas import JunctionArea, Layout, lay_out
-from trace_dag.roads.from_osm.movements import (
-    InnerWay,
-    JunctionArm,
-    Movement,
-    find_movements,
-    make_arm,
-)
+from trace_dag.roads.from_osm.movements import InnerWay, JunctionArm, Movement, find_movements, make_arm
 from trace_dag.roads.from_osm.polyline_fit import fit_plan
 from trace_dag.roads.from_osm.signs import place_signs
 from trace_dag.roads.from_osm.street_graph import Street, build_street_graph
@@ -149,9 +143,9 @@ def convert(
         junctions.append(
             Junction(junction_id, tuple(connections), osm_node_ids=tuple(area.node_ids), centre_xy_m=centre)
         )
-        used = {(r.element_id, r.contact_point) for road in roads for r in (road.predecessor, road.successor) if r}
+        used = {link for road in roads for link in (road.predecessor, road.successor)}
         for end, arm in zip(area.ends, arms, strict=True):
-            if (arm.road_id, arm.contact) in used:
+            if arm.link in used:
                 links[end.street, end.at_start] = junction_id
     signs = place_signs(extract, graph, built, crossings)
     linked: list[Road] = []

@@ -59,6 +59,11 @@ class _Arm(NamedTuple):
     grade: float
     beside: Mapping[tuple[LaneType, int], _Beside]  # by side, +1 for the left
 
+    @property
+    def link(self) -> RoadLink:
+        """Return the link to the end of the road."""
+        return RoadLink("road", self.road.id, self.contact)
+
 
 class _Path(NamedTuple):
     """A path through a junction, from a lane of one arm to one of another."""
@@ -81,10 +86,10 @@ def add_lanes_through_junctions(
     0
     """
     arms = _arms(network.roads)
-    followed: dict[str, dict[tuple[str, str], str]] = defaultdict(dict)
+    followed: dict[str, dict[tuple[RoadLink, RoadLink], str]] = defaultdict(dict)
     for road in network.roads:
         if road.junction_id in arms and road.turn in ("straight", "right") and road.predecessor and road.successor:
-            followed[road.junction_id][_end(road.predecessor), _end(road.successor)] = road.turn
+            followed[road.junction_id][road.predecessor, road.successor] = road.turn
     found: dict[str, list[_Path]] = {}
     for junction in network.junctions:
         at_junction = arms.get(junction.id, [])
@@ -101,20 +106,13 @@ def add_lanes_through_junctions(
     return replace(network, roads=(*network.roads, *roads), junctions=tuple(junctions))
 
 
-def _end(link: RoadLink) -> str:
-    """Return a name for the road end that a link touches."""
-    return f"{link.element_id} {link.contact_point}"
-
-
 def _arms(roads: Sequence[Road]) -> dict[str, list[_Arm]]:
     """Return the ends that have a sidewalk or cycle lane, by junction."""
     arms: dict[str, list[_Arm]] = defaultdict(list)
     for road in roads:
-        for contact, _, link in road.ends:
-            if road.junction_id is None and link is not None and link.element_type == "junction":
-                beside = _beside(road, contact)
-                if beside:
-                    arms[link.element_id].append(_arm(road, contact, beside))
+        for contact, _, junction_id in road.ends_at_junctions:
+            if beside := _beside(road, contact):
+                arms[junction_id].append(_arm(road, contact, beside))
     return arms
 
 
@@ -160,16 +158,15 @@ def _round_corners(arms: Sequence[_Arm]) -> Iterator[_Path]:
             yield path
 
 
-def _with_traffic(arms: Sequence[_Arm], followed: Mapping[tuple[str, str], str]) -> Iterator[_Path]:
+def _with_traffic(arms: Sequence[_Arm], followed: Mapping[tuple[RoadLink, RoadLink], str]) -> Iterator[_Path]:
     """Yield the cycle lanes along traffic that goes straight or right from one arm to another."""
     for origin in arms:
         for target in arms:
-            from_end, to_end = (f"{arm.road.id} {arm.contact}" for arm in (origin, target))
-            turn = followed.get((from_end, to_end))
+            turn = followed.get((origin.link, target.link))
             if turn is None:
                 continue
             # On the left, only of one-way streets: that of others is the right one of the traffic the other way.
-            one_way = turn == "straight" and (to_end, from_end) not in followed
+            one_way = turn == "straight" and (target.link, origin.link) not in followed
             for side in (-1, 1) if one_way else (-1,):
                 path = _path(LaneType.BIKING, origin, side, target)
                 if path is not None:
@@ -244,8 +241,8 @@ def _road(path: _Path, road_id: str, junction_id: str) -> Road:
         elevation=(Cubic(0.0, *rise),) if any(rise) else (),
         lane_offset=(Cubic(0.0, *(-side * value for value in half)),),
         junction_id=junction_id,
-        predecessor=RoadLink("road", origin.road.id, origin.contact),
-        successor=RoadLink("road", target.road.id, target.contact),
+        predecessor=origin.link,
+        successor=target.link,
         highway=origin.road.highway,
         layer=max(origin.road.layer, target.road.layer, key=abs),
         bridge=origin.road.bridge and target.road.bridge,

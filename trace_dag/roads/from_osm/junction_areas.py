@@ -14,7 +14,7 @@ from typing import Final
 
 from trace_dag.roads.from_osm.arm_cuts import LEAST_STREET_M, Cut, StreetEnd, cuts_of, end_profile, fit_cuts
 from trace_dag.roads.from_osm.street_graph import Street
-from trace_dag.roads.map.curves import PlanView, Point
+from trace_dag.roads.map.curves import PlanView, Point, direction_rad
 
 # Lengths set by judgement carry what they meet in practice: measured on the 82 extracts around fatal crashes of two
 # cohorts (Virginia 2023, FARS 2012 to 2016), which have 1,747 junctions, 104 of them joined of several nodes.
@@ -241,8 +241,7 @@ def _divided_crossings(
 
 def _bearing(street: Street, at_start: bool) -> float:
     """Return the direction of travel at one end of a street."""
-    (x0, y0), (x1, y1) = street.points[:2] if at_start else street.points[-2:]
-    return math.atan2(y1 - y0, x1 - x0)
+    return direction_rad(*(street.points[:2] if at_start else street.points[-2:]))
 
 
 def _connects(end: StreetEnd, ends: Sequence[StreetEnd], streets: Sequence[Street]) -> bool:

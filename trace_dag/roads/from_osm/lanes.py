@@ -15,10 +15,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from typing import Final, NamedTuple
 
-from trace_dag.roads.from_osm.tags import LEFT_TURNS, CrossSection, LaneSpec, WayProfile
+from trace_dag.roads.from_osm.tags import CrossSection, LaneSpec, WayProfile, only_left
 from trace_dag.roads.map.model import Cubic, Lane, LaneSection, LaneType, RoadMark
 
 _SAME_M: Final = 1e-9
@@ -173,19 +173,13 @@ def _inner_extra(
     ending: bool,
 ) -> int:
     """Return the number of lanes next to the centre that only ``many`` has: left-turn pockets, lanes merging right."""
-    extra = 0
-    for index in drivable:
-        turns = many[index].turns
-        if (turns and LEFT_TURNS.issuperset(turns)) or (ending and "merge_to_right" in turns):
-            extra += 1
-        else:
-            break
-    for index in few_drivable:  # pockets that exist on both sides are not extra
-        turns = few[index].turns
-        if not (turns and LEFT_TURNS.issuperset(turns)):
-            break
-        extra -= 1
-    return max(extra, 0)
+
+    def is_inner(turns: tuple[str, ...]) -> bool:
+        return only_left(turns) or (ending and "merge_to_right" in turns)
+
+    inner = list(takewhile(lambda index: is_inner(many[index].turns), drivable))
+    on_both_sides = list(takewhile(lambda index: only_left(few[index].turns), few_drivable))
+    return max(len(inner) - len(on_both_sides), 0)
 
 
 def _taper_m(profile: WayProfile, shift_m: float) -> float:

@@ -14,13 +14,15 @@ import math
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from typing import Final
 
 from trace_dag.roads.from_osm.lanes import EndLane
-from trace_dag.roads.from_osm.tags import LEFT_TURNS, RIGHT_TURNS, WayProfile
+from trace_dag.roads.from_osm.tags import LEFT_TURNS, RIGHT_TURNS, WayProfile, only_left
 from trace_dag.roads.from_osm.turn_curves import TIGHTEST_RADIUS_M
+from trace_dag.roads.from_osm.turn_restrictions import TurnRestrictions
 from trace_dag.roads.map.curves import PlanPose, PlanView, Point
-from trace_dag.roads.map.model import ContactPoint, LaneType
+from trace_dag.roads.map.model import ContactPoint, LaneType, RoadLink
 
 # Angles set by judgement; measured on the 82 extracts around fatal crashes of two cohorts (Virginia 2023, FARS 2012 to
 # 2016), which have 11,742 movements.
@@ -82,6 +84,11 @@ class JunctionArm:
     outgoing: tuple[ArmLane, ...]
     centre: ArmLane | None  # centre turn lane, seen inbound
     way_ids: tuple[int, ...] = ()
+
+    @property
+    def link(self) -> RoadLink:
+        """Return the link to the road's end here."""
+        return RoadLink("road", self.road_id, self.contact)
 
     @property
     def outbound(self) -> PlanPose:
@@ -160,39 +167,6 @@ def make_arm(
         centre=seen(middle[0], at_end) if middle else None,
         way_ids=way_ids,
     )
-
-
-class TurnRestrictions:
-    """Turn restrictions by way and node. ``via`` is a node or the ids of the ways between."""
-
-    def __init__(self) -> None:
-        self._forbidden: set[tuple[int, int | tuple[int, ...], int]] = set()
-        self._only: dict[tuple[int, int | tuple[int, ...]], set[int]] = defaultdict(set)
-
-    def add(self, origin: int, via: int | tuple[int, ...], target: int, *, only: bool) -> None:
-        """Add one restriction: from way, via, to way; ``only`` for the only_* kinds."""
-        if only:
-            self._only[origin, via].add(target)
-        else:
-            self._forbidden.add((origin, via, target))
-
-    def permits(self, ways: Sequence[int], nodes: Sequence[int]) -> bool:
-        """Return whether a path along ``ways``, meeting at ``nodes`` (one fewer), respects all restrictions."""
-        for index, node in enumerate(nodes):
-            if (ways[index], node, ways[index + 1]) in self._forbidden:
-                return False
-            only = self._only.get((ways[index], node))
-            if only and ways[index + 1] not in only:
-                return False
-        for first in range(len(ways) - 2):
-            for last in range(first + 2, len(ways)):
-                via = tuple(ways[first + 1 : last])
-                if (ways[first], via, ways[last]) in self._forbidden:
-                    return False
-                only = self._only.get((ways[first], via))
-                if only and ways[last] not in only:
-                    return False
-        return True
 
 
 def find_movements(
@@ -386,11 +360,7 @@ def _turning_lanes(movement: Movement, lanes: Sequence[ArmLane], through: Sequen
 
     If roads diverge, it is the number of the target's lanes.
     """
-    spare = 0
-    for lane in lanes if from_left else reversed(lanes):
-        if lane in through:
-            break
-        spare += 1
+    spare = len(list(takewhile(lambda lane: lane not in through, lanes if from_left else reversed(lanes))))
     if abs(movement.angle_rad) < _DIVERGE_RAD:
         return max(1, spare, min(len(movement.target.outgoing), len(lanes)))
     return max(1, min(spare, len(movement.target.outgoing)))
@@ -403,12 +373,8 @@ def _pair(movement: Movement, lanes: Sequence[ArmLane]) -> tuple[tuple[ArmLane, 
     if movement.turn == "straight":
         shift = 0
         if wide > count:
-            pockets = 0
-            for lane in targets:
-                if not (lane.turns and LEFT_TURNS.issuperset(lane.turns)):
-                    break
-                pockets += 1
-            mine = sum(1 for lane in lanes if lane.turns and LEFT_TURNS.issuperset(lane.turns))
+            pockets = len(list(takewhile(lambda lane: only_left(lane.turns), targets)))
+            mine = sum(only_left(lane.turns) for lane in lanes)
             shift = min(max(pockets - mine, 0), wide - count)
         return tuple((lane, targets[min(k + shift, wide - 1)]) for k, lane in enumerate(lanes))
     if movement.turn == "right":
@@ -431,10 +397,10 @@ def _lane_to_turn_into(movement: Movement, lane: ArmLane) -> ArmLane:
 
 def _feed_idle_lanes(movements: list[Movement]) -> list[Movement]:
     """Add movements to lanes that leave the junction but are not reached, from the nearest lane that goes there."""
-    reached: dict[tuple[str, ContactPoint], set[int]] = defaultdict(set)
-    best: dict[tuple[str, ContactPoint], int] = {}
+    reached: dict[RoadLink, set[int]] = defaultdict(set)
+    best: dict[RoadLink, int] = {}
     for index, movement in enumerate(movements):
-        key = (movement.target.road_id, movement.target.contact)
+        key = movement.target.link
         reached[key].update(lane.id for _, lane in movement.lanes)
         if key not in best or abs(movement.angle_rad) < abs(movements[best[key]].angle_rad):
             best[key] = index

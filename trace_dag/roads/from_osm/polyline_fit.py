@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from trace_dag.roads.map.curves import LARGEST_RADIUS_M, PlanView, Point, join_plans
+from trace_dag.roads.map.curves import LARGEST_RADIUS_M, PlanView, Point, direction_rad, join_plans
 from trace_dag.roads.map.model import PlanElement
 
 _TOLERANCE_M: Final = 0.12  # deviation accepted at a vertex for the sake of a wide curve
@@ -43,9 +43,8 @@ def fit_plan(points: Sequence[Point], min_radius_m: float, *, keep_ends: bool = 
     50.0
     """
     if len(points) == 2:
-        (x0, y0), (x1, y1) = points
-        length = math.hypot(x1 - x0, y1 - y0)
-        return PlanView((PlanElement(0.0, x0, y0, math.atan2(y1 - y0, x1 - x0), length),), length, (0.0, length))
+        length = math.dist(*points)
+        return PlanView((PlanElement(0.0, *points[0], direction_rad(*points), length),), length, (0.0, length))
     corners = [_Corner(point, (index,)) for index, point in enumerate(points)]
     shape = _shape(corners, min_radius_m)
     frozen: set[tuple[int, ...]] = set()
@@ -88,11 +87,9 @@ class _Shape(NamedTuple):
 
 
 def _shape(corners: list[_Corner], min_radius_m: float) -> _Shape:
-    lengths: list[float] = []
-    directions: list[float] = []
-    for (x0, y0), (x1, y1) in pairwise(corner.point for corner in corners):
-        lengths.append(math.hypot(x1 - x0, y1 - y0))
-        directions.append(math.atan2(y1 - y0, x1 - x0))
+    segments = list(pairwise(corner.point for corner in corners))
+    lengths = [math.dist(*segment) for segment in segments]
+    directions = [direction_rad(*segment) for segment in segments]
     turns = [math.remainder(b - a, math.tau) for a, b in pairwise(directions)]
     inner = (
         _tangent_lengths(turn, min_radius_m, corner.swing_m) for turn, corner in zip(turns, corners[1:], strict=False)
@@ -195,9 +192,9 @@ def _merge(shape: _Shape, first: int, corner: _Corner, min_radius_m: float) -> r
     """
     corners, lengths, directions, turns, limits, tangents = shape
     corners[first : first + 2] = [corner]
-    around = [corners[index].point for index in (first - 1, first, first + 1)]
-    lengths[first - 1 : first + 2] = [math.hypot(x1 - x0, y1 - y0) for (x0, y0), (x1, y1) in pairwise(around)]
-    directions[first - 1 : first + 2] = [math.atan2(y1 - y0, x1 - x0) for (x0, y0), (x1, y1) in pairwise(around)]
+    around = list(pairwise(corners[index].point for index in (first - 1, first, first + 1)))
+    lengths[first - 1 : first + 2] = [math.dist(*segment) for segment in around]
+    directions[first - 1 : first + 2] = [direction_rad(*segment) for segment in around]
     del turns[first - 1], limits[first], tangents[first]
     last = len(corners) - 1
     for index in range(max(first - 1, 1), min(first + 2, last)):
@@ -238,8 +235,7 @@ def _merged(
     else:
         point = ((a[0] + b[0]) / 2, (a[1] + b[1]) / 2)
     sources = corners[first].sources + corners[second].sources
-    incoming = math.hypot(point[0] - before[0], point[1] - before[1])
-    outgoing = math.hypot(after[0] - point[0], after[1] - point[1])
+    incoming, outgoing = math.dist(before, point), math.dist(point, after)
     if incoming < _MIN_LENGTH_M or outgoing < _MIN_LENGTH_M:
         return None
     tangent = min(_tangent_lengths(turn, min_radius_m)[0], incoming, outgoing)
@@ -253,8 +249,7 @@ def _merged(
 
 def _distance_to_corner(p: Point, before: Point, corner: Point, after: Point, tangent: float) -> float:
     """Return the distance from a point to two segments whose corner is rounded with the given tangents."""
-    u = math.atan2(corner[1] - before[1], corner[0] - before[0])
-    v = math.atan2(after[1] - corner[1], after[0] - corner[0])
+    u, v = direction_rad(before, corner), direction_rad(corner, after)
     turn = math.remainder(v - u, math.tau)
     dx, dy = p[0] - corner[0], p[1] - corner[1]
     along_in, along_out = dx * math.cos(u) + dy * math.sin(u), dx * math.cos(v) + dy * math.sin(v)

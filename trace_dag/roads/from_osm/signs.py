@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import count
+from operator import itemgetter
 from typing import Final, NamedTuple
 
 from trace_dag.common.units import mps_to_mph
@@ -22,7 +22,7 @@ from trace_dag.roads.from_osm.street_graph import Street, StreetGraph
 from trace_dag.roads.from_osm.street_roads import BuiltStreets, StreetRoads, edges_of_carriageway
 from trace_dag.roads.from_osm.tags import WayProfile
 from trace_dag.roads.map.curves import Point
-from trace_dag.roads.map.model import ContactPoint, Road, Signal
+from trace_dag.roads.map.model import ContactPoint, Road, RoadLink, Signal
 
 _APPROACH_M: Final = 60.0  # a node farther than this from a junction stands by itself (a pedestrian crossing)
 _BESIDE_M: Final = 0.8  # distance of a post from the edge of the road
@@ -99,8 +99,7 @@ def _controls(extract: OsmExtract, graph: StreetGraph) -> dict[int, _Control]:
     }
 
 
-@dataclass(frozen=True)
-class _Post:
+class _Post(NamedTuple):
     """A sign at a place of a road for one direction of traffic."""
 
     road: Road
@@ -202,15 +201,11 @@ def _directions(
         return ((tagged == "forward") != (profile.against_way != profile.turned),)
     if tagged == "both" or control.name in _ONE_PLACE:
         return (True, False)
-    near_end = to_end is not None and to_end <= _APPROACH_M
-    near_start = to_start is not None and to_start <= _APPROACH_M
-    if near_end and near_start:
-        assert to_end is not None
-        assert to_start is not None
-        return (to_end <= to_start,)
-    if near_end or near_start:
-        return (near_end,)
-    return (True, False)
+    ends = ((to_end, True), (to_start, False))
+    near = [
+        (distance_m, forward) for distance_m, forward in ends if distance_m is not None and distance_m <= _APPROACH_M
+    ]
+    return (min(near, key=itemgetter(0))[1],) if near else (True, False)
 
 
 def _post_at(made: StreetRoads, s_m: float, forward: bool) -> _Post:
@@ -224,11 +219,10 @@ def _arm_controls(
     tagged: Mapping[int, _Control], movements: Sequence[Movement], positions: Mapping[int, Point]
 ) -> list[tuple[JunctionArm, _Control]]:
     """Return the tagged node for each arm of a junction; of several of one kind the nearest."""
-    candidates: dict[tuple[str, ContactPoint, str], tuple[JunctionArm, list[int]]] = {}
+    candidates: dict[tuple[RoadLink, str], tuple[JunctionArm, list[int]]] = {}
     for node_id, control in tagged.items():
         for arm in _controlled_arms(control, movements):
-            key = (arm.road_id, arm.contact, control.name)
-            candidates.setdefault(key, (arm, []))[1].append(node_id)
+            candidates.setdefault((arm.link, control.name), (arm, []))[1].append(node_id)
     found = []
     for arm, node_ids in candidates.values():
         nearest = min(node_ids, key=lambda i: (i != arm.node, math.dist(positions[i], arm.inbound[:2]), i))
@@ -238,7 +232,7 @@ def _arm_controls(
 
 def _arms_into_roundabout(movements: Sequence[Movement]) -> list[JunctionArm]:
     """Return the arms on which traffic enters a roundabout and gives way (MUTCD 2009, 2B.10)."""
-    arms = {(m.origin.road_id, m.origin.contact): m.origin for m in movements}
+    arms = {movement.origin.link: movement.origin for movement in movements}
     if not any(arm.profile.roundabout for arm in arms.values()):
         return []
     return [arm for arm in arms.values() if not arm.profile.roundabout]
@@ -246,7 +240,7 @@ def _arms_into_roundabout(movements: Sequence[Movement]) -> list[JunctionArm]:
 
 def _controlled_arms(control: _Control, movements: Sequence[Movement]) -> list[JunctionArm]:
     """Return arms of a junction to which a node on the junction itself applies."""
-    arms = {(m.origin.road_id, m.origin.contact): m.origin for m in movements}
+    arms = {movement.origin.link: movement.origin for movement in movements}
     everyone = list(arms.values())
     if control.name not in ("stop", "give_way") or control.node.tags.get("stop") == "all":
         return everyone
@@ -258,7 +252,7 @@ def _controlled_arms(control: _Control, movements: Sequence[Movement]) -> list[J
     if minor:
         return minor
     # All arms of one class: the stem of a T, from which nothing goes straight on, gives way.
-    straight = {(m.origin.road_id, m.origin.contact) for m in movements if m.turn == "straight"}
+    straight = {movement.origin.link for movement in movements if movement.turn == "straight"}
     stems = [arm for key, arm in arms.items() if key not in straight]
     return stems or ([] if control.node.tags.get("stop") == "minor" else everyone)
 

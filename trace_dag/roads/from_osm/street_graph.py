@@ -21,7 +21,7 @@ from trace_dag.common.geometry import LocalFrame
 from trace_dag.osm.road_classes import blocks_cars, is_drivable
 from trace_dag.osm.types import OsmExtract, OsmNode, OsmWay
 from trace_dag.roads.from_osm.tags import WayProfile
-from trace_dag.roads.map.curves import Point
+from trace_dag.roads.map.curves import Point, direction_rad
 
 _SAME_PLACE_M: Final = 0.05
 _FARTHEST_M: Final = 1e5  # from the crash; beyond it coordinates are wrong
@@ -88,9 +88,8 @@ def build_street_graph(
         if not is_drivable(way.tags, service_roads=True):
             continue
         node_ids = _usable_nodes(way, positions, aliases)
-        if len(node_ids) < 2:
-            continue
-        ways.append(_Edge(profile_of(way), node_ids))
+        if len(node_ids) > 1:
+            ways.append(_Edge(profile_of(way), node_ids))
     for edge in ways:
         edge.node_ids = _without_repeats([_canonical(node, aliases) for node in edge.node_ids])
     pieces = _without_overlaps(ways)
@@ -288,9 +287,7 @@ def _chain(edges: list[_Edge], arms: dict[int, int], positions: dict[int, Point]
 
 
 def _bend(before: Point, at: Point, after: Point) -> float:
-    first = math.atan2(at[1] - before[1], at[0] - before[0])
-    second = math.atan2(after[1] - at[1], after[0] - at[0])
-    return abs(math.remainder(second - first, math.tau))
+    return abs(math.remainder(direction_rad(at, after) - direction_rad(before, at), math.tau))
 
 
 def _street(chain: list[_Edge], arms: dict[int, int], positions: dict[int, Point]) -> Street:

@@ -11,14 +11,12 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from statistics import median
 from typing import Final, NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from trace_dag.common.geometry import FloatArray, arc_lengths
 from trace_dag.osm.road_classes import is_crossing, is_high_speed, usual_shoulder_m
@@ -139,16 +137,18 @@ def _mapped_sidewalks(extract: OsmExtract, graph: StreetGraph, built: BuiltStree
     use = use[np.unique(point[use], return_index=True)[1]]  # of several streets the nearest
     places: dict[tuple[int, int], list[tuple[float, float]]] = defaultdict(list)
     use = use[np.argsort(line[use], kind="stable")]
-    for number, group in zip(*_grouped(line[use]), strict=True):
-        index, here_k = numbers[number], use[group]
+    for here_k in filter(len, np.split(use, np.flatnonzero(np.diff(line[use])) + 1)):
+        number = line[here_k[0]]
+        index = numbers[number]
         stations_m = np.interp(along_m[here_k], arc_lengths(shapes[number]), built[index].plan.vertex_s_m)
         for s_m, t_m in zip(stations_m.tolist(), aside_m[here_k].tolist(), strict=True):
             places[index, 1 if t_m > 0 else -1].append((s_m, abs(t_m)))
     strips: Strips = {}
     for (index, side), found in sorted(places.items()):
         known = [strip for strip in tagged.get(index, ()) if strip.type is LaneType.SIDEWALK and strip.side == side]
-        for run in _runs(sorted(found), _SAME_WALK_M):
-            begin_m, end_m = run[0][0] - STEP_M / 2, run[-1][0] + STEP_M / 2
+        in_order = np.array(sorted(found))
+        for run in np.split(in_order, np.flatnonzero(np.diff(in_order[:, 0]) > _SAME_WALK_M) + 1):
+            begin_m, end_m = float(run[0, 0]) - STEP_M / 2, float(run[-1, 0]) + STEP_M / 2
             verge_m = _verge_m(built[index], run, side)
             if verge_m is not None and not any(k.begin_m < end_m and k.end_m > begin_m for k in known):
                 strip = Strip(LaneType.SIDEWALK, side, begin_m, end_m, SIDEWALK_WIDTH_M, verge_m)
@@ -182,31 +182,12 @@ def _walked(extract: OsmExtract, graph: StreetGraph) -> tuple[FloatArray, FloatA
     return nodes[before] + (at_m - along_m[before])[:, None] * step, step
 
 
-def _grouped(ordered: NDArray[np.int_]) -> tuple[list[int], list[slice]]:
-    """Return the distinct values of an array in order, and the indices of each."""
-    values, starts = np.unique(ordered, return_index=True)
-    ends = [*starts.tolist(), len(ordered)][1:]
-    return values.tolist(), [slice(*each) for each in zip(starts.tolist(), ends, strict=True)]
-
-
-def _runs(places: Sequence[tuple[float, float]], longest_gap_m: float) -> Iterator[list[tuple[float, float]]]:
-    """Yield runs of places in order of their first number; a jump of it begins a new run."""
-    run: list[tuple[float, float]] = []
-    for place in places:
-        if run and place[0] - run[-1][0] > longest_gap_m:
-            yield run
-            run = []
-        run.append(place)
-    if run:
-        yield run
-
-
-def _verge_m(made: StreetRoads, run: Sequence[tuple[float, float]], side: int) -> float | None:
+def _verge_m(made: StreetRoads, run: FloatArray, side: int) -> float | None:
     """Return the verge between carriageway and sidewalk (metres), from the medians of a run's places.
 
     None if the run is not along the street.
     """
-    s_m, aside_m = (median(values) for values in zip(*run, strict=True))
+    s_m, aside_m = np.median(run, axis=0).tolist()
     spans = made.street.spans
     section = next((span for span in spans if made.span_m(span)[1] >= s_m), spans[-1]).profile.section
     lanes = section.left if side > 0 else section.forward

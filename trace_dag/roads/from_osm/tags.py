@@ -11,7 +11,7 @@ from __future__ import annotations
 import html
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -194,6 +194,15 @@ def read_profile(way: OsmWay, *, lanes_hint: int | None = None, speed_hint_mps: 
         turned=TURNED_TAG in tags,
         not_followed=tuple(notes),
     )
+
+
+def only_left(turns: Collection[str]) -> bool:
+    """Return whether the turns painted on a lane all go left: whether it is a pocket for them.
+
+    >>> only_left(("left", "reverse")), only_left(("left", "through")), only_left(())
+    (True, False, False)
+    """
+    return bool(turns) and LEFT_TURNS.issuperset(turns)
 
 
 def goes_one_way(tags: Mapping[str, str]) -> bool:

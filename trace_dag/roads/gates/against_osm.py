@@ -19,6 +19,7 @@ import shapely
 from trace_dag.common.geometry import arc_lengths
 from trace_dag.common.messages.wording import count_of
 from trace_dag.osm.road_classes import is_drivable
+from trace_dag.osm.types import count_arms
 from trace_dag.roads.from_osm.street_graph import STUB_M
 from trace_dag.roads.from_osm.tags import INFERRED_TAG, read_profile
 from trace_dag.roads.gates.measures import SAMPLE_M, distances_to_axes
@@ -108,10 +109,7 @@ class MapComparison:
         No streets meet there, but the way turns more sharply than one road can. The way is still there at such a place,
         unlike at a crossing, where movements replace the centre lines.
         """
-        arms: Counter[int] = Counter()
-        for way in self.ways:
-            for pair in pairwise(way.node_ids):
-                arms.update(pair)
+        arms = count_arms(self.ways)
         return {
             node_id: junction.id
             for junction in self.network.junctions

@@ -62,14 +62,8 @@ class CubicProfile:
         pieces = []
         for knot in knots:
             shifted = [(weight, profile.coefficients_at(knot)) for weight, profile in profiles]
-            pieces.append(
-                (
-                    math.fsum(w * c[0] for w, c in shifted),
-                    math.fsum(w * c[1] for w, c in shifted),
-                    math.fsum(w * c[2] for w, c in shifted),
-                    math.fsum(w * c[3] for w, c in shifted),
-                )
-            )
+            a, b, c, d = (math.fsum(weight * each[k] for weight, each in shifted) for k in range(4))
+            pieces.append((a, b, c, d))
         return cls(knots, pieces)
 
     def coefficients_at(self, s_m: float) -> _Coefficients:
@@ -81,22 +75,11 @@ class CubicProfile:
 
     def at(self, s_m: float) -> float:
         """Return the value at one ``s_m``."""
-        if self.constant is not None:
-            return self.constant
-        index = bisect_right(self.knots_m, s_m) - 1 if len(self.knots_m) > 1 else 0
-        index = max(index, 0)
-        a, b, c, d = self.pieces[index]
-        u = s_m - self.knots_m[index]
-        return a + u * (b + u * (c + u * d))
+        return self.coefficients_at(s_m)[0] if self.constant is None else self.constant
 
     def slope(self, s_m: float) -> float:
         """Return the derivative with respect to ``s`` at one ``s_m``."""
-        if self.constant is not None:
-            return 0.0
-        index = max(bisect_right(self.knots_m, s_m) - 1, 0)
-        _, b, c, d = self.pieces[index]
-        u = s_m - self.knots_m[index]
-        return b + u * (2 * c + 3 * u * d)
+        return self.coefficients_at(s_m)[1] if self.constant is None else 0.0
 
     def sample(self, s_m: FloatArray) -> FloatArray:
         """Return values at many ``s``, same shape."""

@@ -38,6 +38,15 @@ _ARC_TURN_RAD: Final = 0.005
 _STRAIGHT_RAD: Final = 1e-9  # half a turn below which chord and arc differ by less than a double can tell
 
 
+def direction_rad(one: Point, other: Point) -> float:
+    """Return the direction from one point to another, counter-clockwise from the x axis.
+
+    >>> direction_rad((0.0, 0.0), (0.0, 2.0)) == math.pi / 2
+    True
+    """
+    return math.atan2(other[1] - one[1], other[0] - one[0])
+
+
 class PlanPose(NamedTuple):
     """Position (metres) and heading (radians) on a reference line."""
 

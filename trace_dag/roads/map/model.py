@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, NamedTuple, Self
@@ -240,6 +241,13 @@ class Road:
     def ends(self) -> tuple[tuple[ContactPoint, float, RoadLink | None], ...]:
         """Return the contact point, station and link of its start and its end."""
         return (ContactPoint.START, 0.0, self.predecessor), (ContactPoint.END, self.length_m, self.successor)
+
+    @property
+    def ends_at_junctions(self) -> Iterator[tuple[ContactPoint, float, str]]:
+        """Yield contact point, station and junction of each end at a junction; none of a connecting road."""
+        for contact, s_m, link in self.ends if self.junction_id is None else ():
+            if link is not None and link.element_type == "junction":
+                yield contact, s_m, link.element_id
 
     @property
     def linked_roads(self) -> tuple[str, ...]:

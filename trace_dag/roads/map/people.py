@@ -76,11 +76,10 @@ def find_unmarked_crosswalks(
     found = []
     for road in network.roads_within(box):
         back_m = min(_UNMARKED_M, road.length_m)
-        for _, s_m, link in road.ends if road.junction_id is None else ():
-            if link is not None and link.element_type == "junction":
-                between_m = sorted((s_m, s_m - back_m if s_m else back_m))
-                lanes = [lane for lane in network.drivable_lanes_of(road) if lane.section == road.section_at(s_m)]
-                found += [_cut(network, lane, *between_m) for lane in lanes]
+        for _, s_m, _ in road.ends_at_junctions:
+            between_m = sorted((s_m, s_m - back_m if s_m else back_m))
+            lanes = [lane for lane in network.drivable_lanes_of(road) if lane.section == road.section_at(s_m)]
+            found += [_cut(network, lane, *between_m) for lane in lanes]
     here = shapely.Point(x_m, y_m)
     return [piece for piece in found if piece.distance(here) <= max_distance_m]
 

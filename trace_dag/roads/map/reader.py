@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import lru_cache
 from typing import Final
 
@@ -139,6 +140,7 @@ class _Reader(ValueReader):
             raise self.fail(element, f"road of length {length:g} with {len(plan)} pieces of plan view")
         junction = element.get("junction", "-1")
         link, lanes = parts.get("link"), parts.get("lanes", ())
+        objects = [child for child in parts.get("objects", ()) if child.tag == "object" and _corners(child)]
         notes = notes_of(element)
         return Road(
             id=self.text(element, "id"),
@@ -152,20 +154,12 @@ class _Reader(ValueReader):
             predecessor=None if link is None else self._road_link(link, "predecessor"),
             successor=None if link is None else self._road_link(link, "successor"),
             signals=tuple(self._signal(child) for child in parts.get("signals", ()) if child.tag == "signal"),
-            crosswalks=tuple(
-                self._crosswalk(child)
-                for child in parts.get("objects", ())
-                if child.tag == "object" and child.get("type") == "crosswalk" and _corners(child)
-            ),
-            objects=tuple(
-                self._object(child)
-                for child in parts.get("objects", ())
-                if child.tag == "object" and child.get("type") in _READ_OBJECTS and _corners(child)
-            ),
+            crosswalks=tuple(self._crosswalk(each) for each in objects if each.get("type") == "crosswalk"),
+            objects=tuple(self._object(each) for each in objects if each.get("type") in _READ_OBJECTS),
             highway=first_note(notes, "highway"),
             names=tuple(notes.get("altName", ())),
             osm_way_ids=self.note_integers(element, notes, "osmWays"),
-            speed_mps=self._road_speed(element),
+            speed_mps=next(map(self._speed, element.iterfind("type/speed")), None),
             layer=sum(self.note_integers(element, notes, "layer")),
             bridge=first_note(notes, "bridge") == "true",
             tunnel=first_note(notes, "tunnel") == "true",
@@ -234,9 +228,6 @@ class _Reader(ValueReader):
             raise self.fail(element, f"contactPoint={value!r}: expected start or end")
         return ContactPoint(value)
 
-    def _road_speed(self, road: etree._Element) -> float | None:
-        return next((self._speed(speed) for speed in road.iterfind("type/speed")), None)
-
     def _speed(self, element: etree._Element) -> float | None:
         if element.get("max") in ("no limit", "undefined"):
             return None
@@ -261,8 +252,11 @@ class _Reader(ValueReader):
             z_offset_m=self.number(element, "zOffset", 0.0),
             height_m=self.number(element, "height", 0.0),
             width_m=self.number(element, "width", 0.0),
-            osm_node_id=next(iter(self.note_integers(element, notes_of(element), "osmNode")), None),
+            osm_node_id=self._osm_node(element),
         )
+
+    def _osm_node(self, element: etree._Element) -> int | None:
+        return next(iter(self.note_integers(element, notes_of(element), "osmNode")), None)
 
     def _outline(self, element: etree._Element) -> tuple[float, tuple[tuple[float, float], ...]]:
         """Return the position of an object, and its corners relative to the road.
@@ -282,7 +276,6 @@ class _Reader(ValueReader):
 
     def _object(self, element: etree._Element) -> RoadObject:
         s_m, outline = self._outline(element)
-        node_ids = self.note_integers(element, notes_of(element), "osmNode")
         return RoadObject(
             id=self.text(element, "id"),
             type=element.get("type", ""),
@@ -290,7 +283,7 @@ class _Reader(ValueReader):
             s_m=s_m,
             outline_m=outline,
             height_m=self.number(element, "height", 0.0),
-            osm_node_id=next(iter(node_ids), None),
+            osm_node_id=self._osm_node(element),
         )
 
     def _crosswalk(self, element: etree._Element) -> Crosswalk:
@@ -302,7 +295,7 @@ class _Reader(ValueReader):
             outline_m=outline,
             marked=first_note(notes, "marked") != "false",
             signals=first_note(notes, "signals") == "true",
-            osm_node_id=next(iter(self.note_integers(element, notes, "osmNode")), None),
+            osm_node_id=self._osm_node(element),
         )
 
     # --- lanes -----------------------------------------------------------------------------------------------
@@ -376,7 +369,7 @@ class _Reader(ValueReader):
                     terms.append((-float(sign), borders[lane.id - sign]))
                 width = CubicProfile.weighted_sum(terms)
                 widths = tuple(Cubic(s, *piece) for s, piece in zip(width.knots_m, width.pieces, strict=True))
-                lane = Lane(**{**vars(lane), "widths": widths})
+                lane = replace(lane, widths=widths)
             out.append(lane)
         return out
 

@@ -71,30 +71,24 @@ class _ParamPoly3:
 
     def at(self, ds_m: float) -> tuple[float, float, float, float]:
         """Return the u, v, heading and curvature in the element's own axes."""
-        p = self.parameter.at(ds_m * self.scale)
-        a_u, b_u, c_u, d_u, a_v, b_v, c_v, d_v = self.coefficients
-        du, dv = _slope(b_u, c_u, d_u, p), _slope(b_v, c_v, d_v, p)
-        ddu, ddv = 2 * c_u + 6 * d_u * p, 2 * c_v + 6 * d_v * p
+        u, v, du, dv, bend = self._curve(self.parameter.at(ds_m * self.scale))
         speed = math.hypot(du, dv)
-        curvature = (du * ddv - dv * ddu) / speed**3 if speed > 1e-9 else 0.0
-        return (
-            a_u + p * (b_u + p * (c_u + p * d_u)),
-            a_v + p * (b_v + p * (c_v + p * d_v)),
-            math.atan2(dv, du),
-            curvature,
-        )
+        return u, v, math.atan2(dv, du), bend / speed**3 if speed > 1e-9 else 0.0
 
     def sample(self, ds_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        p = self.parameter.sample(ds_m * self.scale)
+        u, v, du, dv, bend = self._curve(self.parameter.sample(ds_m * self.scale))
+        return u, v, np.arctan2(dv, du), bend / np.maximum(np.hypot(du, dv), 1e-9) ** 3
+
+    def _curve(self, p: Number) -> tuple[Number, Number, Number, Number, Number]:
+        """Return u and v, their slopes, and the curvature times the cube of the slope's length."""
         a_u, b_u, c_u, d_u, a_v, b_v, c_v, d_v = self.coefficients
         du, dv = _slope(b_u, c_u, d_u, p), _slope(b_v, c_v, d_v, p)
-        speed = np.maximum(np.hypot(du, dv), 1e-9)
-        curvature = (du * (2 * c_v + 6 * d_v * p) - dv * (2 * c_u + 6 * d_u * p)) / speed**3
         return (
             a_u + p * (b_u + p * (c_u + p * d_u)),
             a_v + p * (b_v + p * (c_v + p * d_v)),
-            np.arctan2(dv, du),
-            curvature,
+            du,
+            dv,
+            du * (2 * c_v + 6 * d_v * p) - dv * (2 * c_u + 6 * d_u * p),
         )
 
 

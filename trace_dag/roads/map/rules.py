@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 from lxml import etree
 
@@ -27,6 +27,8 @@ from trace_dag.roads.map.reader import network_of, parse_opendrive
 if TYPE_CHECKING:
     from trace_dag.roads.map.network import RoadNetwork
 
+_Rule: TypeAlias = Callable[[etree._Element], Iterator[str]]
+"""A function that yields the violations of a rule in an element."""
 _POSITION_TOLERANCE_M: Final = 1e-3
 _HEADING_TOLERANCE_RAD: Final = 1e-3
 _S_TOLERANCE_M: Final = 1e-4
@@ -189,18 +191,24 @@ def _ascending(elements: Iterable[etree._Element], key: str, what: str) -> Itera
         yield f"{what} records not in ascending order of {key}"
 
 
-def _plan_view(root: etree._Element) -> Iterator[str]:
-    for road in root.iterchildren("road"):
-        length = _float(road, "length")
-        pieces = [piece for plan in road.iterchildren("planView") for piece in plan.iterchildren("geometry")]
-        if not pieces or length <= 0:
-            yield f"no plan view or no length ({_place(road)})"
-            continue
-        for problem in _problems_of_plan(pieces, length):
-            yield f"{problem} ({_place(road)})"
+def _of_each_road(rule: _Rule) -> _Rule:
+    """Return a rule of roads as one of the whole document, with the road as the place of its violations."""
+
+    def of_document(root: etree._Element) -> Iterator[str]:
+        for road in root.iterchildren("road"):
+            for problem in rule(road):
+                yield f"{problem} ({_place(road)})"
+
+    return of_document
 
 
-def _problems_of_plan(pieces: list[etree._Element], length: float) -> Iterator[str]:
+@_of_each_road
+def _plan_view(road: etree._Element) -> Iterator[str]:
+    length = _float(road, "length")
+    pieces = [piece for plan in road.iterchildren("planView") for piece in plan.iterchildren("geometry")]
+    if not pieces or length <= 0:
+        yield "no plan view or no length"
+        return
     yield from _ascending(pieces, "s", "geometry")
     if abs(_float(pieces[-1], "s") + _float(pieces[-1], "length") - length) > _S_TOLERANCE_M:
         yield f"plan view ends at another length than {length:g}"
@@ -231,22 +239,18 @@ def _joint(piece: etree._Element, shapes: list[etree._Element], following: etree
         yield f"kink of {math.degrees(kink):.2f} degrees after geometry at s={s:g}"
 
 
-def _profiles(root: etree._Element) -> Iterator[str]:
-    for road in root.iterchildren("road"):
-        lanes = _grouped(road.iterchildren("lanes"))
-        sections = lanes["laneSection"]
-        for records, what in (
-            (_grouped(road.iterchildren("elevationProfile"))["elevation"], "elevation"),
-            (lanes["laneOffset"], "laneOffset"),
-            (sections, "laneSection"),
-            (road.iterchildren("type"), "type"),
-        ):
-            for problem in _ascending(records, "s", what):
-                yield f"{problem} ({_place(road)})"
-        if not sections:
-            yield f"no lane section ({_place(road)})"
-        elif _float(sections[-1], "s") >= _float(road, "length"):
-            yield f"lane section beyond the road's end ({_place(road)})"
+@_of_each_road
+def _profiles(road: etree._Element) -> Iterator[str]:
+    lanes = _grouped(road.iterchildren("lanes"))
+    sections = lanes["laneSection"]
+    yield from _ascending(_grouped(road.iterchildren("elevationProfile"))["elevation"], "s", "elevation")
+    yield from _ascending(lanes["laneOffset"], "s", "laneOffset")
+    yield from _ascending(sections, "s", "laneSection")
+    yield from _ascending(road.iterchildren("type"), "s", "type")
+    if not sections:
+        yield "no lane section"
+    elif _float(sections[-1], "s") >= _float(road, "length"):
+        yield "lane section beyond the road's end"
 
 
 def _lanes(root: etree._Element) -> Iterator[str]:
@@ -298,28 +302,28 @@ def _grouped(owners: Iterable[etree._Element]) -> defaultdict[str, list[etree._E
     return groups
 
 
-def _signals(root: etree._Element) -> Iterator[str]:
-    for road in root.iterfind("road"):
-        length = _float(road, "length")
-        for signal in road.iterfind("signals/signal"):
-            if not 0.0 <= _float(signal, "s") <= length + 1e-9:
-                yield f"signal {signal.get('id')} at s={signal.get('s')}, beyond the road ({_place(road)})"
-            if signal.get("value") is not None and signal.get("unit") is None:
-                yield f"signal {signal.get('id')} with a value but no unit ({_place(road)})"
+@_of_each_road
+def _signals(road: etree._Element) -> Iterator[str]:
+    length = _float(road, "length")
+    for signal in road.iterfind("signals/signal"):
+        if not 0.0 <= _float(signal, "s") <= length + 1e-9:
+            yield f"signal {signal.get('id')} at s={signal.get('s')}, beyond the road"
+        if signal.get("value") is not None and signal.get("unit") is None:
+            yield f"signal {signal.get('id')} with a value but no unit"
 
 
-def _objects(root: etree._Element) -> Iterator[str]:
-    for road in root.iterfind("road"):
-        length = _float(road, "length")
-        for each in road.iterfind("objects/object"):
-            where = f"object {each.get('id')} ({_place(road)})"
-            if not 0.0 <= _float(each, "s") <= length + 1e-9:
-                yield f"s={each.get('s')}, beyond the road: {where}"
-            if any(not _float(each, key) > 0.0 for key in ("length", "width") if key in each.attrib):
-                yield f"length {each.get('length')}, width {each.get('width')}, expected above 0: {where}"
-            for outline in each.iter("outline"):
-                if outline.get("closed") == "true" and len(outline) < 3:
-                    yield f"closed outline of {len(outline)} corners, expected 3 or more: {where}"
+@_of_each_road
+def _objects(road: etree._Element) -> Iterator[str]:
+    length = _float(road, "length")
+    for each in road.iterfind("objects/object"):
+        where = f"object {each.get('id')}"
+        if not 0.0 <= _float(each, "s") <= length + 1e-9:
+            yield f"s={each.get('s')}, beyond the road: {where}"
+        if any(not _float(each, key) > 0.0 for key in ("length", "width") if key in each.attrib):
+            yield f"length {each.get('length')}, width {each.get('width')}, expected above 0: {where}"
+        for outline in each.iter("outline"):
+            if outline.get("closed") == "true" and len(outline) < 3:
+                yield f"closed outline of {len(outline)} corners, expected 3 or more: {where}"
 
 
 def _controllers(root: etree._Element) -> Iterator[str]:
@@ -337,16 +341,7 @@ def _controllers(root: etree._Element) -> Iterator[str]:
                 yield f"junction with controller {controller.get('id')}, which does not exist ({_place(junction)})"
 
 
-_RULES: Final[tuple[Callable[[etree._Element], Iterator[str]], ...]] = (
-    _header,
-    _ids,
-    _plan_view,
-    _profiles,
-    _lanes,
-    _signals,
-    _objects,
-    _controllers,
-)
+_RULES: Final = (_header, _ids, _plan_view, _profiles, _lanes, _signals, _objects, _controllers)
 
 
 class StoredMap:

@@ -220,18 +220,14 @@ def _cubics(tag: str, key: str, cubics: Iterable[Cubic]) -> list[str]:
 def _write_section(out: list[str], section: LaneSection, start: str, marks: Marks) -> None:
     out.append(f'<laneSection s="{start}">\n')
     ordered = sorted(section.lanes, key=lambda lane: -lane.id)
-    left = [lane for lane in ordered if lane.id > 0]
-    right = [lane for lane in ordered if lane.id < 0]
-    centre = next((lane for lane in ordered if lane.id == 0), _CENTRE)
-    if left:
-        out.append("<left>\n")
-        out.extend(_lane(lane, marks) for lane in left)
-        out.append("</left>\n")
-    out.append(f"<center>\n{_lane(centre, marks)}</center>\n")
-    if right:
-        out.append("<right>\n")
-        out.extend(_lane(lane, marks) for lane in right)
-        out.append("</right>\n")
+    sides = {
+        "left": [lane for lane in ordered if lane.id > 0],
+        "center": [lane for lane in ordered if lane.id == 0] or [_CENTRE],
+        "right": [lane for lane in ordered if lane.id < 0],
+    }
+    for side, lanes in sides.items():
+        if lanes:
+            out += [f"<{side}>\n", *(_lane(lane, marks) for lane in lanes), f"</{side}>\n"]
     out.append("</laneSection>\n")
 
 
