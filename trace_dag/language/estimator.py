@@ -64,8 +64,7 @@ class LlmEstimator:
         if match is None:
             raise UserError(
                 f"{NAME + name!r} is not an estimator; give {NAME}, {NAME}:PROMPT, {NAME}@MODEL or "
-                f"{NAME}:PROMPT@MODEL, "
-                f"such as {NAME}:coordinates-v1@openai/gpt-5-mini"
+                f"{NAME}:PROMPT@MODEL, such as {NAME}:coordinates-v1@openai/gpt-5-mini"
             )
         given = {"llm_prompt": match["prompt"], "llm_model": match["model"]}
         return settings.model_copy(update={field: value for field, value in given.items() if value is not None})

@@ -5,13 +5,12 @@ It checks the answer, asks again with a list of faults, and has the solver turn 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, replace
 
 from trace_dag.common.messages.wording import count_of
 from trace_dag.common.settings import StateSettings
 from trace_dag.common.storage.files import Storage
 from trace_dag.crash.event_sequence import CrashEvent
-from trace_dag.crash.record import CrashRecord
 from trace_dag.language.answer import Decision, WrongAnswer, decide, form, parse, schema_of, text_of
 from trace_dag.language.choices import Choices
 from trace_dag.language.client import LlmClient
@@ -53,47 +52,28 @@ def llm_client(settings: StateSettings, *, files: Storage | None = None, ledger:
     )
 
 
-@dataclass
-class _Tally:
-    """Attempts, tokens, cost and answers so far, for the provenance of the estimate."""
+Given = list[tuple[StoredAnswer, list[str]]]
+"""The answers so far, each with its faults."""
 
-    answers: list[dict[str, object]] = field(default_factory=list)
-    prompt_tokens: int = 0
-    completion_tokens: int = 0
-    cost_usd: float = 0.0
-    latency_s: float = 0.0
 
-    def add(self, answer: StoredAnswer, complaints: list[str]) -> None:
-        self.prompt_tokens += answer.prompt_tokens
-        self.completion_tokens += answer.completion_tokens
-        self.cost_usd += answer.cost_usd
-        self.latency_s += answer.latency_s
-        self.answers.append(
-            {
-                "text": answer.text,
-                "finish_reason": answer.finish_reason,
-                "model": answer.model,
-                "prompt_tokens": answer.prompt_tokens,
-                "completion_tokens": answer.completion_tokens,
-                "cost_usd": answer.cost_usd,
-                "latency_s": answer.latency_s,
-                "complaints": complaints,
-            }
-        )
+def _run(settings: StateSettings, given: Given) -> EstimatorRun:
+    answers = [answer for answer, _ in given]
+    return EstimatorRun(
+        estimator=NAME,
+        version=VERSION,
+        model=settings.llm_model,
+        prompt_version=settings.llm_prompt,
+        attempts=len(answers),
+        prompt_tokens=sum(each.prompt_tokens for each in answers),
+        completion_tokens=sum(each.completion_tokens for each in answers),
+        cost_usd=round(sum(each.cost_usd for each in answers), 8),
+        latency_s=round(_latency_s(given), 3),
+        answers=tuple({**asdict(answer), "complaints": complaints} for answer, complaints in given),
+    )
 
-    def run(self, settings: StateSettings) -> EstimatorRun:
-        return EstimatorRun(
-            estimator=NAME,
-            version=VERSION,
-            model=settings.llm_model,
-            prompt_version=settings.llm_prompt,
-            attempts=len(self.answers),
-            prompt_tokens=self.prompt_tokens,
-            completion_tokens=self.completion_tokens,
-            cost_usd=round(self.cost_usd, 8),
-            latency_s=round(self.latency_s, 3),
-            answers=tuple(self.answers),
-        )
+
+def _latency_s(given: Given) -> float:
+    return sum((answer.latency_s for answer, _ in given), 0.0)
 
 
 def estimate_llm(scene: Scene, event: CrashEvent, settings: StateSettings, client: LlmClient) -> StateEstimate:
@@ -126,23 +106,24 @@ def estimate_llm(scene: Scene, event: CrashEvent, settings: StateSettings, clien
         first_contact(scene, event, settings)  # this raises the rejection that says why
     schema = schema_of(prompt.kind, choices)
     messages = prompt.messages(record, choices, lead_time_s=settings.lead_time_s)
-    tally = _Tally()
-    while len(tally.answers) < settings.llm_max_attempts and tally.latency_s < settings.llm_question_time_s:
-        answer = client.ask(messages, prompt=f"{prompt.version}:{prompt.digest}", schema=schema)
+    given: Given = []
+    while len(given) < settings.llm_max_attempts and _latency_s(given) < settings.llm_question_time_s:
+        answer = client.ask(messages, prompt=f"{prompt.version}:{prompt.file.digest}", schema=schema)
         try:
-            decision = _decision(answer, prompt, choices, record, numbers, settings)
+            said = parse(text_of(answer), form(prompt.kind))
+            decision = decide(said, choices, record, numbers, lead_time_s=settings.lead_time_s)
             hypotheses, ambiguity = _solved(choices, decision, settings)
         except WrongAnswer as wrong:
-            tally.add(answer, wrong.complaints)
+            given.append((answer, wrong.complaints))
             messages = ask_again(messages, answer.text, wrong.complaints)
             continue
-        tally.add(answer, [])
-        return StateEstimate(record.key, hypotheses, tally.run(settings), ambiguity)
-    last = "; ".join(str(each) for each in _complaints(tally))
-    tries = count_of(len(tally.answers), "attempt")
-    slow = f", {tally.latency_s:.0f} s" if len(tally.answers) < settings.llm_max_attempts else ""
+        given.append((answer, []))
+        return StateEstimate(record.key, hypotheses, _run(settings, given), ambiguity)
+    last = "; ".join(given[-1][1]) if given else ""
+    tries = count_of(len(given), "attempt")
+    slow = f", {_latency_s(given):.0f} s" if len(given) < settings.llm_max_attempts else ""
     why = f"{settings.llm_model} gave no usable answer in {tries}{slow}; the last: {last}"
-    asked = tally.run(settings)
+    asked = _run(settings, given)
     if settings.llm_fallback == "reject":
         raise UnusableAnswers(why, asked, threshold=settings.llm_max_attempts)
     hypotheses, ambiguity = first_contact(scene, event, settings)
@@ -150,22 +131,6 @@ def estimate_llm(scene: Scene, event: CrashEvent, settings: StateSettings, clien
         asked, estimator=ANALYTIC, version=ANALYTIC_VERSION, fallback_from=asked.estimator, fallback_reason=why
     )
     return StateEstimate(record.key, hypotheses, run, ambiguity)
-
-
-def _complaints(tally: _Tally) -> list[object]:
-    listed = tally.answers[-1]["complaints"] if tally.answers else []
-    return list(listed) if isinstance(listed, list) else []
-
-
-def _decision(
-    answer: StoredAnswer,
-    prompt: Prompt,
-    choices: Choices,
-    record: CrashRecord,
-    numbers: tuple[int, int],
-    settings: StateSettings,
-) -> Decision:
-    return decide(parse(text_of(answer), form(prompt.kind)), choices, record, numbers, lead_time_s=settings.lead_time_s)
 
 
 def _solved(choices: Choices, decision: Decision, settings: StateSettings) -> tuple[tuple[Hypothesis, ...], float]:

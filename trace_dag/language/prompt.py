@@ -9,16 +9,18 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from string import Template
+from typing import get_args
 
 from trace_dag.common.errors import UserError
-from trace_dag.crash.record import CrashRecord, ImpactArea, VehicleRecord
+from trace_dag.crash.record import CrashRecord, VehicleRecord
 from trace_dag.language.answer import Kind, form
 from trace_dag.language.choices import Choices
 
-_KINDS: dict[str, Kind] = {"segments": "segments", "coordinates": "coordinates"}
 _LONGEST_TEXT = 2000
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+")
 
@@ -26,14 +28,35 @@ Message = dict[str, str]
 
 
 @dataclass(frozen=True)
-class Prompt:
-    """One version of the prompt: its name, kind, the two templates, and a digest of its text."""
+class PromptFile:
+    """A file with the templates of a system message and of a question, and a digest of its text."""
 
-    version: str
-    kind: Kind
     system: Template
     user: Template
     digest: str
+
+    @classmethod
+    def read(cls, file: Traversable) -> PromptFile:
+        """Return the templates of a file."""
+        text = file.read_text(encoding="utf-8")
+        system, user = text.removeprefix("# system\n").split("\n# user\n")
+        return cls(Template(system), Template(user), hashlib.sha256(text.encode()).hexdigest()[:16])
+
+    def messages(self, values: Mapping[str, str]) -> list[Message]:
+        """Return both messages with these values."""
+        return [
+            {"role": "system", "content": self.system.substitute(values).strip()},
+            {"role": "user", "content": self.user.substitute(values).strip()},
+        ]
+
+
+@dataclass(frozen=True)
+class Prompt:
+    """One version of the prompt: its name, its kind, and its templates."""
+
+    version: str
+    kind: Kind
+    file: PromptFile
 
     @classmethod
     def load(cls, version: str) -> Prompt:
@@ -42,24 +65,18 @@ class Prompt:
         Raises :class:`UserError` that lists the known names if it is unknown.
         """
         folder = files("trace_dag.language") / "prompts"
-        known = sorted(entry.name.removesuffix(".md") for entry in folder.iterdir() if entry.name.endswith(".md"))
-        known = [name for name in known if name.rpartition("-v")[0] in _KINDS]
-        if version not in known:
-            raise UserError(f"no prompt is called {version!r}; set states.llm_prompt to one of {', '.join(known)}")
-        text = (folder / f"{version}.md").read_text(encoding="utf-8")
-        system, user = text.removeprefix("# system\n").split("\n# user\n")
-        digest = hashlib.sha256(text.encode()).hexdigest()[:16]
-        return cls(version, _KINDS[version.rpartition("-v")[0]], Template(system), Template(user), digest)
+        names = [entry.name.removesuffix(".md") for entry in folder.iterdir() if entry.name.endswith(".md")]
+        kinds = {name: kind for name in names for kind in get_args(Kind) if name.startswith(f"{kind}-v")}
+        if version not in kinds:
+            known = ", ".join(sorted(kinds))
+            raise UserError(f"no prompt is called {version!r}; set states.llm_prompt to one of {known}")
+        return cls(version, kinds[version], PromptFile.read(folder / f"{version}.md"))
 
     def messages(self, record: CrashRecord, choices: Choices, *, lead_time_s: float) -> list[Message]:
         """Return the first question about a crash."""
         schema = json.dumps(form(self.kind).model_json_schema(), sort_keys=True)
         data = fence(_data(record, choices))
-        values = {"lead_time_s": f"{lead_time_s:g}", "schema": schema, "data": data}
-        return [
-            {"role": "system", "content": self.system.substitute(values).strip()},
-            {"role": "user", "content": self.user.substitute(values).strip()},
-        ]
+        return self.file.messages({"lead_time_s": f"{lead_time_s:g}", "schema": schema, "data": data})
 
 
 def ask_again(messages: list[Message], answer: str, complaints: list[str]) -> list[Message]:
@@ -138,9 +155,5 @@ def _vehicle(vehicle: VehicleRecord) -> dict[str, object]:
         "avoidance_P_CRASH3": vehicle.avoidance_code,
         "alignment_VALIGN": vehicle.alignment_code,
         "trafficway_VTRAFWAY": vehicle.trafficway_code,
-        "impact_clock": _clock(vehicle.impact),
+        "impact_clock": None if vehicle.impact is None else vehicle.impact.clock_h,
     }
-
-
-def _clock(impact: ImpactArea | None) -> float | None:
-    return None if impact is None else impact.clock_h

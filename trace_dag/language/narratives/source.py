@@ -8,7 +8,6 @@ facts of a narrative, and whether the quoted words support them.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import re
 from abc import ABC, abstractmethod
@@ -17,7 +16,6 @@ from dataclasses import replace
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
-from string import Template
 from typing import Any, Final, Protocol, TypeVar
 
 from trace_dag.common.errors import UserError
@@ -40,7 +38,7 @@ from trace_dag.language.narratives.reading import (
 )
 from trace_dag.language.narratives.record import Narrative, merge_records, record_of
 from trace_dag.language.narratives.vocabulary import CRASH, Field, Vocabulary, parse_measure, vocabulary
-from trace_dag.language.prompt import Message, ask_again, fence
+from trace_dag.language.prompt import Message, PromptFile, ask_again, fence
 from trace_dag.language.store import StoredAnswer
 
 _SHOWN: Final = 12
@@ -125,9 +123,8 @@ class NarrativeFolder(_Source):
     def notes(self) -> list[str]:
         """Return notes on the narratives that became crashes, those left out and why, and unsupported facts."""
         records, left_out = self._read
-        notes = [
-            f"{count_of(len(self._narratives), 'narrative')} in {self._folder}: {len(records)} with a place and time"
-        ]
+        narratives = f"{count_of(len(self._narratives), 'narrative')} in {self._folder}"
+        notes = [f"{narratives}: {len(records)} with a place and time"]
         return [*notes, *(f"left out: {name}: {why}" for name, why in left_out.items()), *_remarks(records)]
 
     def _read_all(self) -> tuple[list[CrashRecord], dict[str, str]]:
@@ -308,15 +305,10 @@ def _asked(
 
     Raises :class:`WrongAnswer` for the last answer.
     """
-    text = resources.files("trace_dag.language.narratives").joinpath(f"{question}.md").read_text(encoding="utf-8")
-    system, user = text.removeprefix("# system\n").split("\n# user\n")
-    messages = [
-        {"role": "system", "content": Template(system).substitute(values).strip()},
-        {"role": "user", "content": Template(user).substitute(values).strip()},
-    ]
-    version = f"narrative-{question}:{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    file = PromptFile.read(resources.files("trace_dag.language.narratives") / f"{question}.md")
+    messages = file.messages(values)
     for left in reversed(range(attempts)):
-        answer = model.ask(messages, prompt=version, schema=schema)
+        answer = model.ask(messages, prompt=f"narrative-{question}:{file.digest}", schema=schema)
         try:
             return taken(text_of(answer))
         except WrongAnswer as wrong:
