@@ -24,7 +24,7 @@ from trace_dag.flow.executors import Executor, run_redoing_lost
 from trace_dag.flow.pool import Lost
 from trace_dag.flow.records import Records, intact, read_records, write_index
 from trace_dag.flow.staleness import FAILED, MISSING, current_inputs, why_to_run
-from trace_dag.flow.tasks import Action, Attempt, Chunk, CrashTask, MadeFiles, StageEvent, Work, log_outcome
+from trace_dag.flow.tasks import Action, Chunk, CrashTask, MadeFiles, StageEvent, Work, log_outcome
 from trace_dag.flow.worker import installed_versions, work_on_chunk
 from trace_dag.flow.workspace import Workspace
 
@@ -306,7 +306,7 @@ class _Batch:
         error = Failure(
             f"the worker process died in this stage, twice, the second time with this crash alone ({lost.detail})"
         )
-        attempt = Attempt(task.key, stuck.stage, provenance, self.work.run_id, now(), 0.0)
+        attempt = self.work.attempt(task.key, stuck.stage, provenance, now(), 0.0)
         failed = CrashStore(self.work, replace(task, records=records)).put(attempt, error)
         return [*events, StageEvent(task.key, stuck.stage, Action.COMPUTED, failed)]
 

@@ -27,7 +27,7 @@ from trace_dag.common.provenance import Outcome, OutcomeRecord, artefact_name
 from trace_dag.common.storage.files import Storage
 from trace_dag.flow.contract import CrashFiles, DamagedArtefactError, StageProduct
 from trace_dag.flow.records import intact, read_records, write_record
-from trace_dag.flow.tasks import Attempt, CrashTask, Work, build_failed_record, build_record
+from trace_dag.flow.tasks import CrashTask, Work, build_failed_record, build_record
 
 log = logging.getLogger(__name__)
 
@@ -68,7 +68,7 @@ class CrashStore:
         self._run_id = work.run_id
         self._pictures = {file.name for record in self.records.values() for file in record.pictures}
 
-    def put(self, attempt: Attempt, product: StageProduct | Exception) -> OutcomeRecord:
+    def put(self, attempt: OutcomeRecord, product: StageProduct | Exception) -> OutcomeRecord:
         """Store a stage's product, then the record of the attempt, which is returned.
 
         A failed stage leaves only its record, or keeps the earlier result if that is still usable.
@@ -125,7 +125,7 @@ class CrashStore:
             write_record(self._storage, begun)
             self.records[begun.stage] = begun
 
-    def _failed(self, attempt: Attempt, error: Exception, files: Set[str]) -> OutcomeRecord:
+    def _failed(self, attempt: OutcomeRecord, error: Exception, files: Set[str]) -> OutcomeRecord:
         """Record a failure, and delete ``files`` of the stage that do not belong to the remaining result."""
         failed, standing = build_failed_record(attempt, error), self.records.get(attempt.stage)
         try:

@@ -84,6 +84,22 @@ class Work:
     force: frozenset[Stage] = frozenset()
     afterwards: Callable[[CrashFiles], MadeFiles | None] | None = None
 
+    def attempt(
+        self, key: str, stage: Stage, provenance: Provenance, started_at: str, duration_s: float, attempts: int = 1
+    ) -> OutcomeRecord:
+        """Return the record of an attempt at a stage, without its outcome, begun at a time (ISO 8601, UTC)."""
+        return OutcomeRecord(
+            key=key,
+            stage=stage,
+            outcome=Outcome.STARTED,
+            provenance=provenance,
+            fingerprint=provenance.fingerprint,
+            run_id=self.run_id,
+            started_at=started_at,
+            duration_s=round(duration_s, 4),
+            attempts=attempts,
+        )
+
     @cached_property
     def recipes(self) -> Mapping[Stage, Recipe]:
         """Return the recipe of each stage of the flow."""
@@ -120,41 +136,12 @@ class Chunk:
 log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class Attempt:
-    """An attempt at a stage for a crash: its start (ISO 8601, UTC), inputs, duration and number of tries."""
-
-    key: str
-    stage: Stage
-    provenance: Provenance
-    run_id: str
-    started_at: str
-    duration_s: float
-    attempts: int = 1
-
-    def record(self, outcome: Outcome) -> OutcomeRecord:
-        """Return the record of this attempt.
-
-        Its figures, artefacts and reason are filled in by the caller.
-        """
-        return OutcomeRecord(
-            key=self.key,
-            stage=self.stage,
-            outcome=outcome,
-            provenance=self.provenance,
-            fingerprint=self.provenance.fingerprint,
-            run_id=self.run_id,
-            started_at=self.started_at,
-            duration_s=round(self.duration_s, 4),
-            attempts=self.attempts,
-        )
-
-
-def build_record(attempt: Attempt, product: StageProduct, stored: Sequence[StoredFile]) -> OutcomeRecord:
-    """Return the record of a stage that accepted or rejected the crash, with its stored files."""
+def build_record(attempt: OutcomeRecord, product: StageProduct, stored: Sequence[StoredFile]) -> OutcomeRecord:
+    """Return the record of an attempt that accepted or rejected the crash, with its stored files."""
     rejection = product.rejection
     return replace(
-        attempt.record(Outcome.ACCEPTED if rejection is None else Outcome.REJECTED),
+        attempt,
+        outcome=Outcome.ACCEPTED if rejection is None else Outcome.REJECTED,
         reason=rejection.reason if rejection else None,
         detail=rejection.detail if rejection else "",
         measured=rejection.measured if rejection else None,
@@ -164,10 +151,11 @@ def build_record(attempt: Attempt, product: StageProduct, stored: Sequence[Store
     )
 
 
-def build_failed_record(attempt: Attempt, error: Exception) -> OutcomeRecord:
-    """Return the record of a stage that failed."""
+def build_failed_record(attempt: OutcomeRecord, error: Exception) -> OutcomeRecord:
+    """Return the record of an attempt that failed."""
     return replace(
-        attempt.record(Outcome.FAILED),
+        attempt,
+        outcome=Outcome.FAILED,
         detail=str(error) if isinstance(error, Failure) else f"{type(error).__name__}: {error}",
         error="".join(traceback.format_exception(error)),
         transient=isinstance(error, TransientFailure),

@@ -25,7 +25,7 @@ from trace_dag.flow.contract import DamagedArtefactError, Flow, StageDefinition,
 from trace_dag.flow.crash_store import CrashStore, open_crashes
 from trace_dag.flow.records import intact, read_records
 from trace_dag.flow.staleness import current_inputs, why_to_run
-from trace_dag.flow.tasks import Action, Attempt, Chunk, CrashTask, StageEvent, Work
+from trace_dag.flow.tasks import Action, Chunk, CrashTask, StageEvent, Work
 from trace_dag.flow.time_limit import SLOWEST_BYTES_PER_S, within
 from trace_dag.version import __version__
 
@@ -180,9 +180,8 @@ class _CrashWorker:
                 self.store.doubt(product)
             except Failure as error:
                 product = error
-        key, run_id = self.store.key, self.work.run_id
-        attempt = Attempt(key, definition.stage, provenance, run_id, started_at, duration_s, attempts)
-        return self.store.put(attempt, product)
+        key, stage = self.store.key, definition.stage
+        return self.store.put(self.work.attempt(key, stage, provenance, started_at, duration_s, attempts), product)
 
     def drawn(self, events: list[StageEvent]) -> list[StageEvent]:
         """Redraw the crash's picture if something visible has changed, and return the events."""
