@@ -29,7 +29,7 @@ from trace_dag.assets.specs import OWNERS
 from trace_dag.common.errors import Failure as BrokenPart
 from trace_dag.common.errors import UserError
 from trace_dag.common.messages import markdown
-from trace_dag.common.messages.wording import count_of
+from trace_dag.common.messages.wording import count_of, last_line
 from trace_dag.common.stage import Stage
 from trace_dag.export.release import build_release
 from trace_dag.flow.controls import negative_controls
@@ -182,7 +182,7 @@ def variations(context: AssetExecutionContext, config: VariationsConfig) -> Mate
     left_out = _LeftOut()
     cases = _cases(workspace, config.cohort, left_out)
     reports = make_families(workspace, cases, FamilyRequest(config.count, config.seed))
-    left_out += [f"{each.key}: {each.error.strip().splitlines()[-1]}" for each in reports if each.error]
+    left_out += [f"{each.key}: {last_line(each.error)}" for each in reports if each.error]
     return _result(families_table(reports), left_out)
 
 
@@ -193,7 +193,7 @@ def traffic(context: AssetExecutionContext, config: TrafficConfig) -> Materializ
     left_out = _LeftOut()
     cases = verified_cases(workspace, config.cohort or None, (), departures=None, on_problem=left_out.add)
     reports = make_traffic(workspace, cases, TrafficRequest(config.factor, config.seed))
-    left_out += [f"{each.key}: {each.error.strip().splitlines()[-1]}" for each in reports if each.error]
+    left_out += [f"{each.key}: {last_line(each.error)}" for each in reports if each.error]
     return _result(traffic_table(reports), left_out)
 
 

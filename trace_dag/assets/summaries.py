@@ -32,7 +32,7 @@ from dagster import (
 from trace_dag.assets.specs import OWNERS, as_markdown
 from trace_dag.common.errors import BudgetSpent, DamagedFile, UserError
 from trace_dag.common.messages import markdown
-from trace_dag.common.messages.wording import count_of
+from trace_dag.common.messages.wording import count_of, last_line
 from trace_dag.common.network.alerts import Alert, AlertedCrash, AlertKind, alerts_go_out, send
 from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import Storage
@@ -122,7 +122,7 @@ def benchmark(context: AssetExecutionContext) -> MaterializeResult[Any]:
 
 
 def _said(error: tuple[str, str]) -> str:
-    return f"{error[0]}: {error[1].strip().splitlines()[-1]}"
+    return f"{error[0]}: {last_line(error[1])}"
 
 
 # --- checks ----------------------------------------------------------------------------------------------------------

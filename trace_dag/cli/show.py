@@ -11,6 +11,7 @@ from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import print_table, progress_bar, say, write_json
 from trace_dag.common.errors import UserError
 from trace_dag.common.messages.logs import print_problem
+from trace_dag.common.messages.wording import last_line
 
 if TYPE_CHECKING:
     from trace_dag.flow.contract import CrashFiles
@@ -148,7 +149,7 @@ def open_page(root: str, key: str | None) -> None:
             listened = replace(workspace, page_listener=on_progress)
             errors = build_benchmark(listened).errors if key is None else build_page(workspace, key)
         for of_crash, error in errors.items():
-            print_problem(f"no page of {of_crash}: {error.strip().splitlines()[-1]}")
+            print_problem(f"no page of {of_crash}: {last_line(error)}")
     if not storage.exists(name):
         raise UserError(f"{storage.path(name)}: there is no such page yet; trace-dag run makes it")
     say(storage.path(name))

@@ -10,6 +10,7 @@ import click
 from trace_dag.cli.options import Within, examples, pass_root
 from trace_dag.cli.printing import print_table, progress_of, write_json
 from trace_dag.cli.study import into_warehouse
+from trace_dag.common.messages.wording import last_line
 
 
 @click.command(epilog=examples("trace-dag traffic", "trace-dag traffic --only 2023-510179 --factor 2 --seed 7"))
@@ -49,5 +50,5 @@ def traffic(
         print_table(*traffic_table(reports)[:2])
     for report in reports:
         if report.error:
-            problems.add(Failure(f"{report.key}: {report.error.strip().splitlines()[-1]}"))
+            problems.add(Failure(f"{report.key}: {last_line(report.error)}"))
     sys.exit(problems.print_all())

@@ -11,6 +11,7 @@ import click
 from trace_dag.cli.options import ManyValuesCommand, Within, examples, pass_root
 from trace_dag.cli.printing import print_table, progress_of, write_json
 from trace_dag.cli.study import into_warehouse
+from trace_dag.common.messages.wording import last_line
 from trace_dag.common.storage.disk_errors import name_file_in_errors
 
 _SHARE, _SECONDS, _METRES = Within(0, 1, max_open=True), Within(0, 60), Within(0, 50)
@@ -103,7 +104,7 @@ def vary(
         print_table(*families_table(reports)[:2])
     for report in reports:
         if report.error:
-            problems.add(Failure(f"{report.key}: {report.error.strip().splitlines()[-1]}"))
+            problems.add(Failure(f"{report.key}: {last_line(report.error)}"))
     if output is not None and kept:
         output.mkdir(parents=True, exist_ok=True)
         stored = stored_variations(workspace, cases, on_problem=problems.add)

@@ -19,7 +19,7 @@ from typing import Any
 from trace_dag.agents.evaluation.shares import effective_number
 from trace_dag.agents.evaluation.splits import splits_of
 from trace_dag.common.errors import Failure, UserError
-from trace_dag.common.messages.wording import count_of
+from trace_dag.common.messages.wording import count_of, last_line
 from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import Storage
 from trace_dag.export.build import build_benchmark
@@ -184,7 +184,7 @@ def _bring_up_to_date(workspace: Workspace, on_problem: OnProblem) -> set[str]:
     """Update the benchmark; return the crashes whose package or page could not be made."""
     errors = build_benchmark(workspace, contents=True).errors
     for key, error in errors.items():
-        on_problem(Failure(f"{key}: no package: {error.strip().splitlines()[-1]}"))
+        on_problem(Failure(f"{key}: no package: {last_line(error)}"))
     return set(errors)
 
 

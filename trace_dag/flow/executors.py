@@ -95,7 +95,6 @@ class InProcessExecutor:
         """Start nothing."""
 
     def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[T, R | Lost]]:
-        """See :class:`Executor`."""
         for task in tasks:
             yield task, function(task)
 
@@ -146,11 +145,9 @@ class ProcessExecutor:
         self._pool: Pool[None, _Call, Any] = Pool(_Calls(), workers=workers)
 
     def prepare(self, function: Callable[[], object]) -> None:
-        """See :class:`Executor`."""
         self._pool.start(_Call(_called, function))
 
     def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[T, R | Lost]]:
-        """See :class:`Executor`."""
         for answer in self._pool.run([Task("", (_Call(function, task),)) for task in tasks]):
             result: Any = answer.result
             if isinstance(result, _Raised):

@@ -52,11 +52,9 @@ class _Seat:
 
     @property
     def has_arrived(self) -> bool:
-        """See :class:`trace_dag.simulation.driving.Driver`."""
         return self._arrival.reached
 
     def drive(self, time_s: float, states: States) -> Pedals | Pace | None:
-        """See :class:`trace_dag.simulation.driving.Driver`."""
         self._arrival.look(time_s, states)
         act = self._episode.asked(EpisodeMoment(time_s, dict(states)))[self._number]
         if isinstance(act, Recorded):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -33,7 +33,7 @@ from trace_dag.pages.map_scene import MapScene, Window, inside, window_of
 from trace_dag.pages.picture_sheet import Sign, with_legend
 from trace_dag.pages.scenery import Scenery, corners_of, draw_fading, draw_night, map_reach_m
 from trace_dag.roads.map.lane_geometry import LANE_STEP_M
-from trace_dag.roads.map.model import Signal
+from trace_dag.roads.map.model import Signal, SignalType
 from trace_dag.roads.map.network import RoadNetwork
 
 if TYPE_CHECKING:
@@ -51,16 +51,14 @@ NAMES_Z: Final = 22.0
 _RED: Final = "#C1272D"
 _BLACK: Final = "#202327"
 _LAMPS: Final = ("#E5443B", "#F2C230", "#3FB35F")
-LIGHT, STOP, YIELD, LIMIT = "1000001", "206", "205", "274"
-"""Signals by OpenDRIVE type: a traffic light, and the signs that are drawn."""
 _NEAR_M: Final = 150.0  # windows wider than this have smaller symbols
 _NEAR_HALF_PT, _FAR_HALF_PT = 3.9, 2.75  # of a symbol
 _LIMIT_SIZE_PT: Final = 5.5
-SIGNS: Final = {
-    LIGHT: ("traffic light", "square", Ink(_BLACK)),
-    STOP: ("stop sign", "octagon", Ink(_RED, WHITE, 0.9)),
-    YIELD: ("yield sign", "triangle down", Ink(WHITE, _RED, 0.9)),
-    LIMIT: ("speed limit, mph", "square", Ink("white", _BLACK, 0.7)),
+SIGNS: Final[Mapping[str, tuple[str, str, Ink]]] = {
+    SignalType.LIGHT: ("traffic light", "square", Ink(_BLACK)),
+    SignalType.STOP: ("stop sign", "octagon", Ink(_RED, WHITE, 0.9)),
+    SignalType.YIELD: ("yield sign", "triangle down", Ink(WHITE, _RED, 0.9)),
+    SignalType.LIMIT: ("speed limit, mph", "square", Ink("white", _BLACK, 0.7)),
 }
 """Name, symbol and ink of each kind."""
 _MOST_STEPS: Final = 9  # of a quarter of its height, that a sign is moved away from its road
@@ -196,21 +194,27 @@ class Signs:
         half_pt = _NEAR_HALF_PT if canvas.span_m < _NEAR_M else _FAR_HALF_PT
         for (kind, text), places in self._kinds.items():
             _, symbol, ink = SIGNS[kind]
-            size_pt = (length_pt(text, _LIMIT_SIZE_PT) / 2 + 1.4, 0.75 * _LIMIT_SIZE_PT) if kind == LIMIT else half_pt
+            size_pt = (
+                (length_pt(text, _LIMIT_SIZE_PT) / 2 + 1.4, 0.75 * _LIMIT_SIZE_PT)
+                if kind == SignalType.LIMIT
+                else half_pt
+            )
             half_m = np.broadcast_to(size_pt, 2) / canvas.points_per_m
             for x, y, outward in places[inside(places, canvas.window)].tolist():
                 place = self._beside(np.array([x, y]), outward, half_m)
-                if kind == LIMIT and (place is None or any(map(_box(place, half_m).intersects, canvas.taken))):
+                if kind == SignalType.LIMIT and (
+                    place is None or any(map(_box(place, half_m).intersects, canvas.taken))
+                ):
                     continue
                 if place is not None:
                     x, y = place.tolist()
                 canvas.taken.append(_box(np.array([x, y]), half_m))
-                if kind == LIMIT:
+                if kind == SignalType.LIMIT:
                     canvas.polygons([shapely.get_coordinates(canvas.taken[-1])], ink, z)
                     canvas.text(text, x, y, _LIMIT_SIZE_PT, _BLACK, z + 0.1)
                     continue
                 canvas.symbol(symbol, x, y, half_pt, ink, z)
-                if kind == LIGHT:
+                if kind == SignalType.LIGHT:
                     # The lamps of a signal head, above each other inside its symbol.
                     for up, colour in zip((0.6, 0.0, -0.6), _LAMPS, strict=True):
                         canvas.discs([(x, y + up * half_m[1])], 0.27 * half_m[1], Ink(colour), z + 0.1)
@@ -241,10 +245,10 @@ def place_signs(scene: MapScene) -> Iterator[PlacedSign]:
     for road in {section.road.id: section.road for section in scene.sections}.values():
         line = scene.network.road_geometry(road.id).line
         for signal in road.signals:
-            if signal.type in (LIGHT, STOP, YIELD, LIMIT):
+            if signal.type in SIGNS:
                 x, y, heading, _ = line.at(signal.s_m)
                 place = (x - signal.t_m * math.sin(heading), y + signal.t_m * math.cos(heading))
-                text = _limit_text(signal) if signal.type == LIMIT else ""
+                text = _limit_text(signal) if signal.type == SignalType.LIMIT else ""
                 towards = heading + (math.pi if signal.orientation == "-" else 0.0)
                 yield PlacedSign(signal, place, towards, heading + math.copysign(math.pi / 2, signal.t_m), text)
 

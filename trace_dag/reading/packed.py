@@ -111,14 +111,12 @@ class FolderFiles:
         self._folder = folder
 
     def read(self, name: str) -> bytes:
-        """See :class:`Files`."""
         if not self.has(name):
             raise FileNotFoundError(f"{self.place}: no {name}")
         check_size(f"{self.place}: {name}", (self._folder / name).stat().st_size)
         return (self._folder / name).read_bytes()
 
     def has(self, name: str) -> bool:
-        """See :class:`Files`."""
         return (self._folder / name).is_file()
 
 
@@ -198,7 +196,6 @@ class ArchiveFiles:
         return data
 
     def has(self, name: str) -> bool:
-        """See :class:`Files`."""
         return name in self._members
 
 
@@ -249,7 +246,6 @@ class PackedCrash:
         return self._manifest.key
 
     def has(self, artefact: Artefact[Any]) -> bool:
-        """See :class:`trace_dag.flow.artefacts.CrashArtefacts`."""
         return self._name(artefact) in self._manifest.files
 
     def _name(self, artefact: Artefact[Any]) -> str:

@@ -99,7 +99,6 @@ class AgentProcess:
         self._expect_ready(self._asked(asked))
 
     def act(self, observation: Observation) -> Action:
-        """See :class:`trace_dag.agents.evaluation.agents.Agent`."""
         return self._read(self._asked(observation))
 
     def close(self) -> None:

@@ -41,12 +41,10 @@ class Replay:
         self._wanted = float(pace)
 
     def reset(self, scenario: Scenario) -> None:
-        """See :class:`trace_dag.agents.evaluation.agents.Agent`."""
         self._pace = 1.0
         self._step_mps = self.changes_mps2 * scenario.period_s
 
     def act(self, observation: Observation) -> Action:
-        """See :class:`trace_dag.agents.evaluation.agents.Agent`."""
         step = self._step_mps / max(abs(observation.own.speed_mps), self._step_mps)
         self._pace += max(-step, min(step, self._wanted - self._pace))
         return Recorded(self._pace)
@@ -63,14 +61,12 @@ class BrakeOnTimeToCollision:
     goes_on_mps2 = 1.5
 
     def reset(self, scenario: Scenario) -> None:
-        """See :class:`trace_dag.agents.evaluation.agents.Agent`."""
         self._scenario = scenario
         self._path = points_of(scenario.recorded_path)
         self._brakes = False
         self._had_mps: float | None = None  # before it braked
 
     def act(self, observation: Observation) -> Action:
-        """See :class:`trace_dag.agents.evaluation.agents.Agent`."""
         speed_mps = observation.own.speed_mps
         danger = time_to_collision_ahead_s(observation, self._scenario) <= self.trigger_s
         if danger and self._had_mps is None:
@@ -102,7 +98,6 @@ class CarefulHuman:
     goes_on_mps2 = 1.5
 
     def reset(self, scenario: Scenario) -> None:
-        """See :class:`trace_dag.agents.evaluation.agents.Agent`."""
         self._scenario = scenario
         self._most_mps2 = min(self.most_braking_g, scenario.friction) * GRAVITY_MPS2
         self._route = PathFollower(scenario.recorded_path)
@@ -113,7 +108,6 @@ class CarefulHuman:
         self._pace = 1.0
 
     def act(self, observation: Observation) -> Action:
-        """See :class:`trace_dag.agents.evaluation.agents.Agent`."""
         if not self._at_risk(observation):
             self._risk_since_s = None
         elif self._risk_since_s is None:
@@ -161,7 +155,6 @@ class IdmLaneKeeper:
     lateral_mps2 = 2.5  # what a bend is taken with
 
     def reset(self, scenario: Scenario) -> None:
-        """See :class:`trace_dag.agents.evaluation.agents.Agent`."""
         self._scenario = scenario
         self._body = scenario.body
         self._route = PathFollower(scenario.route)
@@ -169,7 +162,6 @@ class IdmLaneKeeper:
         self._limit_at_m = 0.0
 
     def act(self, observation: Observation) -> Action:
-        """See :class:`trace_dag.agents.evaluation.agents.Agent`."""
         own = observation.own
         at_m, _ = self._route.locate(own.x_m, own.y_m)
         free = self._free(own, at_m)
@@ -250,7 +242,6 @@ class CautiousLaneKeeper(IdmLaneKeeper):
     _times_s = np.arange(0.0, horizon_s + _STEP_S / 2, _STEP_S)
 
     def act(self, observation: Observation) -> Action:
-        """See :class:`trace_dag.agents.evaluation.agents.Agent`."""
         if time_to_collision_ahead_s(observation, self._scenario) <= self.emergency_s:
             return Motion(acceleration_mps2=-GRAVITY_MPS2)
         return super().act(observation)

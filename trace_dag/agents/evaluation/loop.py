@@ -46,7 +46,6 @@ class AgentDriver:
 
     @property
     def has_arrived(self) -> bool:
-        """See :class:`trace_dag.simulation.driving.Driver`."""
         return self._arrival is None or self._arrival.reached
 
     def drive(self, time_s: float, states: Mapping[int, BodyState]) -> Pedals | Pace | None:

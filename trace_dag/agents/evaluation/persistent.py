@@ -186,7 +186,6 @@ class BoundDriver:
         self._conflict = conflict
 
     def drive(self, time_s: float, states: Mapping[int, BodyState]) -> Pace:
-        """See :class:`trace_dag.simulation.driving.Driver`."""
         return Pace(self._conflict.pace(time_s, states))
 
 

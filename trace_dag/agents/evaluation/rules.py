@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trace_dag.roads.map.lane_map import LaneMap
-from trace_dag.roads.map.model import LaneMatch, LaneType
+from trace_dag.roads.map.model import LaneMatch, LaneType, SignalType
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.progress import FASTEST_PACE
 from trace_dag.simulation.types import VehicleLog
@@ -21,7 +21,6 @@ _BESIDE_M = 0.5  # of the body's centre beside the outermost lane: a shoulder is
 _MAP_REACH_M = 250.0  # from the crash: farther out a map may simply end
 _MOVING_MPS = 0.5
 _AGAINST_RAD = math.radians(90.0)
-_STOP_SIGN = "206"
 _BEFORE_SIGN_M = 15.0
 _HALT_MPS = 1.0  # the slowest of a halt as it is seen every fifth of a second
 
@@ -112,7 +111,7 @@ def _stop_signs_passed(network: RoadNetwork, moments: list[_Moment]) -> int:
             for signal in road.signals:
                 to_go_m = sense * (signal.s_m - match.s_m)
                 facing = signal.orientation == ("+" if sense > 0 else "-")
-                if signal.type == _STOP_SIGN and facing and 0 <= to_go_m <= _BEFORE_SIGN_M:
+                if signal.type == SignalType.STOP and facing and 0 <= to_go_m <= _BEFORE_SIGN_M:
                     sign = (road.id, signal.id)
                     before[sign] = min(before.get(sign, math.inf), moment.speed_mps)
                     at[sign] = index

@@ -65,7 +65,6 @@ class ReactiveDriver:
         self.has_arrived = True
 
     def drive(self, time_s: float, states: Mapping[int, BodyState]) -> Pedals | Pace | None:
-        """See :class:`trace_dag.simulation.driving.Driver`."""
         return self._driver.drive(time_s, states) if self._watched.is_left(time_s, states) else None
 
 

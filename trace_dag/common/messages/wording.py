@@ -34,6 +34,15 @@ def count_of(number: int, noun: str, plural: str = "") -> str:
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 
+def last_line(error: str) -> str:
+    """Return the last line of an error, which after a traceback is the message.
+
+    >>> last_line("Traceback (most recent call last):\\n  ...\\nValueError: no road\\n")
+    'ValueError: no road'
+    """
+    return error.strip().splitlines()[-1]
+
+
 def beside_limit(value: float, limit: float, digits: int = 1) -> str:
     """Return a measured number with enough digits to show its side of a limit.
 

@@ -34,11 +34,11 @@ from trace_dag.common.geometry import FloatArray
 from trace_dag.crash.parties import party_of_body
 from trace_dag.crash.record import CrashRecord, VehicleClass
 from trace_dag.export.formats.exporter import Exporter
-from trace_dag.export.formats.lane_rules import LIGHT, LIMIT, STOP, LaneRules, place_of, turn_of
+from trace_dag.export.formats.lane_rules import LaneRules, place_of, turn_of
 from trace_dag.flow.artefacts import RECORD
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.roads.map.lane_shapes import LaneShape
-from trace_dag.roads.map.model import LaneRef
+from trace_dag.roads.map.model import LaneRef, SignalType
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.drives import GOAL_HEADING_RAD, GOAL_LENGTH_M, GOAL_WIDTH_M, STEP_S, Drive, drives_of, meets
 from trace_dag.scenario.lights import LightCycle, Lights
@@ -74,7 +74,6 @@ class CommonRoad(Exporter):
     """
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
-        """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         case, record = case_of(crash, crash.settings.sim), crash.load(RECORD)
         drives = drives_of(case)
         tested, drivers = {}, [each for each in drives if each.is_driven]
@@ -121,7 +120,9 @@ class _Lanelets:
             for lanes, number in zip(rows, numbers, strict=False):
                 for ref in lanes:
                     ids_of[ref].append(number)
-        stops = [post for post in (*self._lights, *self._signs) if post.signal.type in (LIGHT, STOP)]
+        stops = [
+            post for post in (*self._lights, *self._signs) if post.signal.type in (SignalType.LIGHT, SignalType.STOP)
+        ]
         self._stops_at = {ref: post.signal.s_m for post in stops for ref in post.lanes}
 
     def write_into(self, root: etree._Element, tag: str) -> int:
@@ -132,7 +133,7 @@ class _Lanelets:
         numbers = count(len(self._shapes) + 1)
         for limit in self._limits:
             place = place_of(self._network, limit.lanes[0].road_id, limit.sign) if limit.sign is not None else None
-            root.append(_sign(next(numbers), LIMIT, place, limit.speed_mps))
+            root.append(_sign(next(numbers), SignalType.LIMIT.value, place, limit.speed_mps))
         for sign in self._signs:
             place = place_of(self._network, sign.lanes[0].road_id, sign.signal)
             root.append(_sign(next(numbers), sign.signal.type, place))

@@ -13,5 +13,4 @@ class Glb(Exporter):
     """``<key>.glb`` of each crash: the road, all parties, and their motion on the log's clock."""
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
-        """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         return {f"{crash.key}.glb": replay(crash, "glb")}

@@ -5,21 +5,15 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from trace_dag.common.geometry import FloatArray
 from trace_dag.reconstruction.scene.approach_finder import TURN_RAD
 from trace_dag.roads.map.lane_shapes import LaneShape, lane_shapes
-from trace_dag.roads.map.model import LaneRef, Road, Signal
+from trace_dag.roads.map.model import LaneRef, Road, Signal, SignalType
 from trace_dag.roads.map.network import RoadNetwork
-
-LIGHT: Final = "1000001"
-YIELD: Final = "205"
-STOP: Final = "206"
-LIMIT: Final = "274"
-"""Types of :class:`~trace_dag.roads.map.model.Signal`."""
 
 
 class Post(NamedTuple):
@@ -45,9 +39,11 @@ class LaneRules:
         self.shapes = [shape for shape in lane_shapes(network, drivable_only=True) if shape.length_m > 0.0]
         self._known = {shape.ref for shape in self.shapes}
         posts = [post for road in network.roads for post in self._posts(road)]
-        self.limits = self._limits_of({post.lanes: post.signal for post in posts if post.signal.type == LIMIT})
-        self.signs = [post for post in posts if post.signal.type in (YIELD, STOP)]
-        self.lights = [post for post in posts if post.signal.type == LIGHT]
+        self.limits = self._limits_of(
+            {post.lanes: post.signal for post in posts if post.signal.type == SignalType.LIMIT}
+        )
+        self.signs = [post for post in posts if post.signal.type in (SignalType.YIELD, SignalType.STOP)]
+        self.lights = [post for post in posts if post.signal.type == SignalType.LIGHT]
 
     def _posts(self, road: Road) -> Iterator[Post]:
         lanes = [ref for ref in self._network.drivable_lanes_of(road) if ref in self._known]

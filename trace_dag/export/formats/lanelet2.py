@@ -23,11 +23,11 @@ from lxml import etree
 from trace_dag.common.geometry import FloatArray
 from trace_dag.common.units import mps_to_kmh, mps_to_mph
 from trace_dag.export.formats.exporter import Exporter
-from trace_dag.export.formats.lane_rules import STOP, LaneRules, Post, mark_of, place_of, turn_of
+from trace_dag.export.formats.lane_rules import LaneRules, Post, mark_of, place_of, turn_of
 from trace_dag.flow.artefacts import ROAD_MAP
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.roads.map.lane_shapes import LaneShape
-from trace_dag.roads.map.model import LaneRef, LaneType
+from trace_dag.roads.map.model import LaneRef, LaneType, SignalType
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.version import __version__
 
@@ -39,7 +39,6 @@ class Lanelet2(Exporter):
     """``<key>.osm`` of each crash: its road map."""
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
-        """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         return {f"{crash.key}.osm": lanelets(crash.load(ROAD_MAP))}
 
 
@@ -135,7 +134,7 @@ class _Map:
         ends = {ref for shape in self._rules.shapes if shape.junction_id is not None for ref in shape.predecessors}
         signs: dict[LaneRef, tuple[Post, int]] = {}
         for post in self._rules.signs:
-            stops = post.signal.type == STOP
+            stops = post.signal.type == SignalType.STOP
             way = self._add_sign(post, {"type": "traffic_sign", "subtype": "stop_sign" if stops else "usR1-2"})
             members = [("refers", "way", way), *([("ref_line", "way", self._add_stop_line(post))] if stops else [])]
             self._add_element(post.lanes, members, subtype="traffic_sign")
@@ -152,7 +151,9 @@ class _Map:
             if waiting and first:
                 members += [("right_of_way", "relation", self._ids[ref]) for ref in first]
                 self._add_element([*waiting, *first], members, subtype="right_of_way")
-            elif waiting.keys() == refs.keys() and all(post.signal.type == STOP for post, _ in waiting.values()):
+            elif waiting.keys() == refs.keys() and all(
+                post.signal.type == SignalType.STOP for post, _ in waiting.values()
+            ):
                 members += [("refers", "way", way) for way in dict.fromkeys(way for _, way in waiting.values())]
                 self._add_element(waiting, members, subtype="all_way_stop")
 

@@ -57,7 +57,6 @@ class OpenLabel(Exporter):
     """``<key>.json`` for each crash."""
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
-        """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         record, network = crash.load(RECORD), crash.load(ROAD_MAP)
         parties = crash.load(ESTIMATE).hypotheses[crash.load(VERDICT).hypothesis].participants
         about = {

@@ -29,7 +29,7 @@ from trace_dag.export.formats.lane_rules import mark_of, place_of
 from trace_dag.flow.artefacts import RECORD, ROAD_MAP
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.roads.map.lane_shapes import lane_shapes
-from trace_dag.roads.map.model import Crosswalk, LaneRef, Road, Signal
+from trace_dag.roads.map.model import Crosswalk, LaneRef, Road, Signal, SignalType
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.lights import Colour, crash_lights
 from trace_dag.scenario.openscenario_environment import conditions_of
@@ -66,8 +66,11 @@ _OBJECTS: Final = {  # SOE
     **dict.fromkeys((42,), "TYPE_TREE"),
 }
 
-_LIGHT: Final = "1000001"
-_SIGNS: Final = {"205": "TYPE_GIVE_WAY", "206": "TYPE_STOP", "274": "TYPE_SPEED_LIMIT_BEGIN"}
+_SIGNS: Final[Mapping[str, str]] = {
+    SignalType.YIELD: "TYPE_GIVE_WAY",
+    SignalType.STOP: "TYPE_STOP",
+    SignalType.LIMIT: "TYPE_SPEED_LIMIT_BEGIN",
+}
 _LINES: Final = {"solid": "TYPE_SOLID_LINE", "broken": "TYPE_DASHED_LINE"}
 _COLOURS: Final = {"yellow": "COLOR_YELLOW"}
 # By LGT_COND, the level of OSI that has the light of the day (above 1,000 lx), of dawn and dusk (20 to 400 lx), of lit
@@ -104,7 +107,6 @@ class Osi(Exporter):
             raise UserError("OSI traces need osi-python: pip install 'trace-dag[osi]'") from error
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
-        """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         log = crash.shown_log()
         assert log is not None, "a verified crash was simulated"
         surrounded = add_traffic(log, traffic_of(crash))
@@ -270,11 +272,11 @@ def _add_signal(
         for begin_m, end_m in [network.lane_span(ref)]
         if ref in ids and begin_m <= signal.s_m <= end_m and ref.lane_id in road.lanes_under(signal)
     ]
-    if not lanes or signal.type not in (_LIGHT, *_SIGNS):
+    if not lanes or signal.type not in (SignalType.LIGHT, *_SIGNS):
         return
     pose = network.pose(lanes[0], signal.s_m)
     x, y, z = place_of(network, road.id, signal)
-    if signal.type == _LIGHT:
+    if signal.type == SignalType.LIGHT:
         added = message.traffic_light.add()
         base, about = added.base, added.classification
         about.color, about.mode = TrafficLight.Classification.COLOR_UNKNOWN, TrafficLight.Classification.MODE_UNKNOWN

@@ -14,6 +14,5 @@ class Packages(Exporter):
     """A folder per crash with everything about it; see :mod:`trace_dag.export.package`."""
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
-        """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         files = package_of(crash, traffic=read_traffic(crash))
         return {f"{crash.key}/{name}": data for name, data in files.items()}

@@ -50,7 +50,6 @@ class CrashPoints(Exporter):
         return {}
 
     def beside(self) -> Mapping[str, bytes]:
-        """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         rows = sorted(self._rows, key=lambda row: str(row["key"]))
         return {"crashes.parquet": _geoparquet(rows), "crashes.gpx": _gpx(rows)} if rows else {}
 

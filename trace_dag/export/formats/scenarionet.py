@@ -67,7 +67,6 @@ class ScenarioNet(Exporter):
         self._summaries: dict[str, dict[str, Any]] = {}
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
-        """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         case = case_of(crash, crash.settings.sim)
         drives = drives_of(case)
         if not any(each.is_driven for each in drives):

@@ -45,7 +45,6 @@ class Sumo(Exporter):
         self._netconvert = sumo_program("netconvert")
 
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
-        """See :class:`trace_dag.export.formats.exporter.Exporter`."""
         log = crash.shown_log()
         assert log is not None, "a verified crash was simulated"
         return {

@@ -116,7 +116,6 @@ class TableSource:
         return cls(f"{plugin} {Path(location).name}", load(PluginKind.REPORT_SOURCE, plugin).open(location))
 
     def offers(self, choice: Choice) -> list[CrashListing]:
-        """See :class:`Source`."""
         offered = choice.admitted(self._tables.listings())
         self.notes = tuple(self._tables.notes())  # after them, so that a large table is read once for both
         return offered

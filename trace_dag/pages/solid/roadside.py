@@ -14,12 +14,13 @@ import shapely
 
 from trace_dag.common.units import METRES_PER_FOOT
 from trace_dag.pages.map_scene import MapScene, Window
-from trace_dag.pages.maps import LIGHT, STOP, YIELD, PlacedSign, place_signs
+from trace_dag.pages.maps import PlacedSign, place_signs
 from trace_dag.pages.scenery import local_points, look_of, parts_of
 from trace_dag.pages.solid.gltf import Material
 from trace_dag.pages.solid.ground import Heights, by_material
 from trace_dag.pages.solid.shapes import Mesh, about_z, ball, box, cylinder, flat, join_shapes, prism
 from trace_dag.pages.solid.vehicle_shapes import Parts
+from trace_dag.roads.map.model import SignalType
 
 if TYPE_CHECKING:
     from trace_dag.common.geometry import FloatArray, LocalFrame
@@ -57,7 +58,7 @@ def _sign(each: PlacedSign) -> Iterator[tuple[Material, Mesh]]:
     """Yield a sign or signal on its post, its face to +x."""
     signal = each.signal
     top = signal.z_offset_m + max(signal.height_m, 0.6)
-    if signal.type == LIGHT:
+    if signal.type == SignalType.LIGHT:
         low, high = top - 1.05, top
         yield _POST, cylinder(0.09, 0.0, high)
         yield _BLACK, box((0.06, -0.18, low), (0.30, 0.18, high))
@@ -68,11 +69,11 @@ def _sign(each: PlacedSign) -> Iterator[tuple[Material, Mesh]]:
         return
     middle = top - _SIGN_M / 2
     yield _POST, cylinder(0.035, 0.0, top)
-    if signal.type == STOP:
+    if signal.type == SignalType.STOP:
         yield _WHITE, _plate(_polygon(8, _SIGN_M / 2 * 1.08), middle, 0.05)
         yield _RED, _plate(_polygon(8, _SIGN_M / 2), middle, 0.065)
         yield _WHITE, _lettering("STOP", 0.18, middle)
-    elif signal.type == YIELD:
+    elif signal.type == SignalType.YIELD:
         yield _RED, _plate(_polygon(3, 0.55), middle, 0.05)
         yield _WHITE, _plate(_polygon(3, 0.33), middle, 0.065)
     else:

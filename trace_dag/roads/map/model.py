@@ -138,9 +138,18 @@ class RoadLink:
     contact_point: ContactPoint | None = None
 
 
+class SignalType(StrEnum):
+    """Types of signals whose meaning is used: CARLA's traffic light, and signs by their German numbers."""
+
+    LIGHT = "1000001"
+    YIELD = "205"
+    STOP = "206"
+    LIMIT = "274"
+
+
 @dataclass(frozen=True)
 class Signal:
-    """A traffic signal or sign. ``type`` 1000001 is CARLA's traffic light, 206 stop, 205 yield, 274 speed limit.
+    """A traffic signal or sign; ``type`` is a :class:`SignalType`, or another number of OpenDRIVE.
 
     ``orientation`` is OpenDRIVE's: "+" valid for traffic along the reference line, "-" against it.
     """

@@ -16,6 +16,7 @@ from lxml import etree
 
 from trace_dag.common.errors import Failure, UserError
 from trace_dag.osm.road_classes import ROAD_CLASSES, road_class
+from trace_dag.roads.map.model import SignalType
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.lights import Colour, Lights
 
@@ -23,7 +24,7 @@ _LANE: Final = re.compile(r"_(-?\d+)(?= |$)")  # of an origId
 _TIME_LIMIT_S: Final = 300.0
 SUMO_PARSER: Final = etree.XMLParser(remove_comments=True, resolve_entities=False, no_network=True, huge_tree=True)
 """Parser of SUMO's files, which fetches nothing."""
-_YIELDING: Final = ("205", "206")  # signs of the map: yield, stop
+_YIELDING: Final = (SignalType.YIELD, SignalType.STOP)
 _LOWEST_RANK: Final = max(each.rank for each in ROAD_CLASSES.values())
 
 
