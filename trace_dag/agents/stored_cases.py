@@ -84,7 +84,7 @@ def load_case(stored: StoredCase) -> Case:
     if stored.variation is None:
         return case_of(files, files.settings.sim)
     varied = read_variation(files.storage, stored.variation)
-    return _case(stored.case_id, files, varied.hypothesis, varied.log, varied.about.friction)
+    return _case(stored.case_id, files, varied.estimate.best, varied.log, varied.about.friction)
 
 
 def case_of(crash: CrashArtefacts, settings: SimSettings) -> Case:

@@ -21,7 +21,7 @@ from trace_dag.common.storage.files import Storage
 from trace_dag.flow.manifests import read_listed, sound_manifest
 from trace_dag.flow.records import OnProblem, raise_problem
 from trace_dag.simulation.log_io import logs_from_files
-from trace_dag.simulation.states import Hypothesis, StateEstimate, estimate_from_json
+from trace_dag.simulation.states import StateEstimate, estimate_from_json
 from trace_dag.simulation.types import SimulationLog
 
 FOLDER = "variations"
@@ -63,11 +63,6 @@ class StoredVariation:
     about: AboutVariation
     estimate: StateEstimate
     log: SimulationLog
-
-    @property
-    def hypothesis(self) -> Hypothesis:
-        """Return the plan of all vehicles."""
-        return self.estimate.best
 
 
 def read_variation(storage: Storage, name: str) -> StoredVariation:

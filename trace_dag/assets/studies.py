@@ -6,7 +6,7 @@ date, as after runs of stages (:mod:`trace_dag.assets.automation`).
 
 from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -38,7 +38,6 @@ from trace_dag.flow.workspace import Workspace
 from trace_dag.scenario.traffic.simulation import TrafficRequest
 
 GROUP = "studies"
-Found = TypeVar("Found")
 Kind = TypeVar("Kind", bound=StrEnum)
 _BARS = 40  # of a picture at the most
 _LEFT_OUT = "left_out"  # metadata: a sentence for each crash that could not take part
@@ -142,10 +141,6 @@ def _study(description: str, deps: Sequence[str] = (Stage.VERDICT.value,)) -> Ca
     return as_asset
 
 
-def _of_each(workspace: Workspace, config: CohortConfig, study: Callable[[str], Found]) -> dict[str, Found]:
-    return study_each(cohorts_of(workspace, config.cohort or None), study)
-
-
 def _cases(workspace: Workspace, cohort: str, left_out: _LeftOut) -> list[StoredCase]:
     return verified_cases(workspace, cohort or None, (), on_problem=left_out.add)
 
@@ -169,9 +164,8 @@ def controls(context: AssetExecutionContext, config: ControlsConfig) -> Material
     """Run ``trace-dag controls``."""
     workspace: Workspace = context.resources.workspace
     left_out = _LeftOut()
-    found = _of_each(
-        workspace, config, lambda name: negative_controls(workspace, name, most=config.most, on_problem=left_out.add)
-    )
+    study = partial(negative_controls, workspace, most=config.most, on_problem=left_out.add)
+    found = study_each(cohorts_of(workspace, config.cohort or None), study)
     return _result(controls_table(found), left_out)
 
 

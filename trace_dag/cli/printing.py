@@ -115,6 +115,13 @@ def print_table(names: Sequence[str], rows: Sequence[Sequence[Any]], *, fit: boo
     console.print(table)
 
 
+def print_first(names: Sequence[str], rows: Sequence[Sequence[Any]], most: int, where: str) -> None:
+    """Print the first rows as a table, and the number of the others with the command that lists all."""
+    print_table(names, rows[:most])
+    if len(rows) > most:
+        say(f"... and {len(rows) - most} more ({where} lists all)")
+
+
 def say(text: str = "") -> None:
     """Print a line on standard output without terminal control characters."""
     click.echo(printable(text))

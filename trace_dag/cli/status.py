@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import click
 
 from trace_dag.cli.options import examples, pass_root
-from trace_dag.cli.printing import one_line, print_stale, print_statuses, print_table, say, write_json
+from trace_dag.cli.printing import one_line, print_first, print_stale, print_statuses, say, write_json
 from trace_dag.common.messages.logs import print_problem
-
-if TYPE_CHECKING:
-    from trace_dag.common.stage import Stage
 
 _MOST_SHOWN = 20
 
@@ -72,25 +66,24 @@ def status(root: str, as_json: bool, cohort: str | None) -> None:
     say(f"Storage root {storage.root}")
     print_statuses(crashes)
     failed = [
-        (crash.key, crash.stage_reached, crash.detail)
+        (crash.key, crash.stage_reached, one_line(crash.detail, 200))
         for crash in crashes.values()
         if crash.final_state is FinalState.FAILED
     ]
-    outdated = [(crash.key, crash.outdated, crash.outdated_because) for crash in crashes.values() if crash.outdated]
-    _print_first(["failed", "in", "what happened"], failed)
-    _print_first(["outdated", "in", "why the new attempt failed"], outdated)
+    outdated = [
+        (crash.key, crash.outdated, one_line(crash.outdated_because, 200))
+        for crash in crashes.values()
+        if crash.outdated
+    ]
+    for names, rows in (
+        (["failed", "in", "what happened"], failed),
+        (["outdated", "in", "why the new attempt failed"], outdated),
+    ):
+        if rows:
+            say()
+            print_first(names, rows, _MOST_SHOWN, "status --json")
     if failed or outdated:
         say("trace-dag rerun --failed runs them again.")
     if stale:
         say()
         print_stale(stale.values())
-
-
-def _print_first(names: Sequence[str], rows: Sequence[tuple[str, Stage | None, str]]) -> None:
-    """Print the first crashes of a list with stage and text, and the number of the others."""
-    if not rows:
-        return
-    say()
-    print_table(names, [(key, stage, one_line(text, 200)) for key, stage, text in rows[:_MOST_SHOWN]])
-    if len(rows) > _MOST_SHOWN:
-        say(f"... and {len(rows) - _MOST_SHOWN} more (status --json lists all)")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from trace_dag.cli.options import examples, pass_root
-from trace_dag.cli.printing import one_line, print_stale, print_table, progress_bar, say, write_json
+from trace_dag.cli.printing import one_line, print_first, print_stale, progress_bar, say, write_json
 from trace_dag.common.messages.logs import print_problem
 from trace_dag.common.messages.wording import count_of
 
@@ -150,26 +150,15 @@ def _row(each: Disagreement) -> dict[str, str | None]:
 def _print(title: str, rows: Sequence[Disagreement]) -> None:
     if not rows:
         return
-    print_table(
-        [title, "crash", "stage", "what", "remedy"],
-        [(each.kind.title, each.key, each.stage, each.detail, each.kind.remedy) for each in rows[:_SHOWN]],
-    )
-    if len(rows) > _SHOWN:
-        say(f"... and {len(rows) - _SHOWN} more (--json lists all)")
+    found = [(each.kind.title, each.key, each.stage, each.detail, each.kind.remedy) for each in rows]
+    print_first([title, "crash", "stage", "what", "remedy"], found, _SHOWN, "--json")
     say()
 
 
 def _summary(report: StorageReport, found: Sequence[Disagreement], repaired: bool, outdated: bool) -> str:
     figures = _figures(report)
-    lines = [
-        ", ".join(
-            (
-                count_of(figures["crashes"], "crash", "crashes"),
-                count_of(figures["records"], "stage outcome"),
-                count_of(figures["files"], "file"),
-            )
-        )
-    ]
+    counted = count_of(figures["crashes"], "crash", "crashes"), count_of(figures["records"], "stage outcome")
+    lines = [", ".join((*counted, count_of(figures["files"], "file")))]
     if figures["interrupted"]:
         lines.append(f"interrupted: {count_of(figures['interrupted'], 'stage')}; trace-dag run finishes what was begun")
     if figures["unregistered"]:

@@ -10,22 +10,20 @@ of packages and pages (:mod:`trace_dag.scenario`).
 
 from __future__ import annotations
 
-import gc
 import hashlib
 import json
 import math
 import traceback
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from importlib import import_module
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from trace_dag.agents.stored_traffic import read_traffic, traffic_files
 from trace_dag.agents.summaries import write_leaderboard
 from trace_dag.common.errors import DamagedFile, Failure
-from trace_dag.common.gc_pause import gc_paused
+from trace_dag.common.gc_pause import gc_paused, import_frozen
 from trace_dag.common.provenance import crash_of
 from trace_dag.common.storage.files import Storage, StoredFile
 from trace_dag.export.crash_files import (
@@ -101,17 +99,9 @@ class BenchmarkReport:
 
 
 @dataclass(frozen=True)
-class _Task:
-    """Crashes whose pages are to be made; rows are those of the warehouse."""
-
-    crashes: tuple[_Crash, ...]
-
-    def split(self) -> list[_Task]:
-        return [replace(self, crashes=(crash,)) for crash in self.crashes]
-
-
-@dataclass(frozen=True)
 class _Crash:
+    """A crash whose page is to be made; rows are those of the warehouse."""
+
     files: CrashFiles
     row: Mapping[str, Any]
     outcomes: tuple[Mapping[str, Any], ...]
@@ -145,13 +135,15 @@ def build_benchmark(workspace: Workspace, *, contents: bool = False) -> Benchmar
     with workspace.executing() as executor:
         if any(crash.made is None and crash.files.has(LOGS) for crash in stale):
             executor.prepare(get_ready)
-        for task, found in run_redoing_lost(executor, _make, _tasks(workspace, stale, executor.workers), _Task.split):
+        tasks = _tasks(workspace, stale, executor.workers)
+        for crashes_of_task, found in run_redoing_lost(executor, _make, tasks, lambda task: [(each,) for each in task]):
             if isinstance(found, Lost):
-                errors.update({crash.key: found.detail for crash in task.crashes})
+                errors.update({crash.key: found.detail for crash in crashes_of_task})
             else:
-                errors.update(found.errors)
-                made.update((file.name, file) for file in found.files)
-            done += len(task.crashes)
+                files_made, errors_of_task = found
+                errors.update(errors_of_task)
+                made.update((file.name, file) for file in files_made)
+            done += len(crashes_of_task)
             workspace.page_listener(done, len(stale))
     digests = {crash.key: crash.digest for crash in crashes if crash.key not in errors}
     kept = digests.keys() - {crash.key for crash in stale}
@@ -176,11 +168,11 @@ def build_page(workspace: Workspace, key: str) -> Mapping[str, str]:
     *of_table, outcomes = query.rows_of(warehouse, (*_TABLE, "stage_outcomes"))
     table, before = _table(*of_table), sound_manifest(storage, FOLDER)
     for crash in _crashes(workspace, outcomes, [row for row in table if row["key"] == key]):
-        made = _make(_Task((crash,)))
-        if made.errors:
-            return made.errors
+        made, errors = _make((crash,))
+        if errors:
+            return errors
         others = {name: file for name, file in before.files.items() if crash_of(name) not in (None, key)}
-        files = others | {file.name: file for file in made.files}
+        files = others | {file.name: file for file in made}
         listed = [row for row in table if page_name(row["key"]) in files]
         _publish_index(storage, warehouse, listed, Manifest(files, {**before.made_of, key: crash.digest}))
     return {}
@@ -251,36 +243,21 @@ def _rights(table: Sequence[Mapping[str, Any]], records: Mapping[str, Records]) 
     }
 
 
-def _tasks(workspace: Workspace, crashes: Sequence[_Crash], workers: int) -> list[_Task]:
+def _tasks(workspace: Workspace, crashes: Sequence[_Crash], workers: int) -> list[tuple[_Crash, ...]]:
     size = max(1, min(workspace.settings.execution.chunk_size, math.ceil(len(crashes) / (4 * workers))))
-    return [_Task(tuple(crashes[start : start + size])) for start in range(0, len(crashes), size)]
-
-
-@dataclass(frozen=True)
-class _Made:
-    """The files of some crashes, and the errors by crash."""
-
-    files: Sequence[StoredFile]
-    errors: Mapping[str, str]
+    return [tuple(crashes[start : start + size]) for start in range(0, len(crashes), size)]
 
 
 def get_ready() -> None:
-    """Import a worker's modules before its first page.
-
-    Existing objects are then exempt from the garbage collector, which runs after each crash and would otherwise examine
-    them every time.
-    """
-    for name in (*MADE_WITH, "trace_dag.pages.crash_page"):
-        import_module(name)
-    gc.collect()
-    gc.freeze()
+    """Import a worker's modules before its first page."""
+    import_frozen((*MADE_WITH, "trace_dag.pages.crash_page"))
 
 
-def _make(task: _Task) -> _Made:
-    """Return packages and pages of some crashes."""
+def _make(crashes: Sequence[_Crash]) -> tuple[list[StoredFile], dict[str, str]]:
+    """Return packages and pages of some crashes, and the errors by crash."""
     made: list[StoredFile] = []
     errors: dict[str, str] = {}
-    for crash in task.crashes:
+    for crash in crashes:
         try:
             made += _make_one(crash.files.unread(), crash)
         except Failure as failure:
@@ -288,7 +265,7 @@ def _make(task: _Task) -> _Made:
         except Exception as error:
             # One crash without a page keeps no other from having one.
             errors[crash.key] = "".join(traceback.format_exception(error))
-    return _Made(made, errors)
+    return made, errors
 
 
 @gc_paused()

@@ -87,9 +87,9 @@ class PackageInput:
 
 class _File(NamedTuple):
     name: str
-    licence: str
     what: str
     data: bytes
+    licence: str = _CC0
 
 
 def package_files(crash: PackageInput) -> dict[str, bytes]:
@@ -100,7 +100,6 @@ def package_files(crash: PackageInput) -> dict[str, bytes]:
         *_results(crash),
         _File(
             "LICENSES.md",
-            _CC0,
             "what may be done with it",
             render_document(
                 "licenses.md.jinja",
@@ -111,7 +110,7 @@ def package_files(crash: PackageInput) -> dict[str, bytes]:
             ),
         ),
     ]
-    readme = _File("README.md", _CC0, "this", _readme(crash, files))
+    readme = _File("README.md", "this", _readme(crash, files))
     described = sorted([*files, readme])
     manifest = {
         "key": crash.record.key,
@@ -158,17 +157,17 @@ def _sources(crash: PackageInput) -> list[_File]:
     rights = crash.rights
     name, data = crash.report
     if crash.record.attribution:
-        report = _File(name, crash.record.attribution, "what its register says of the crash", data)
+        report = _File(name, "what its register says of the crash", data, crash.record.attribution)
     elif rights.fictional:
-        report = _File(name, rights.licence, "a fictional report as NHTSA's CrashAPI would serve it", data)
+        report = _File(name, "a fictional report as NHTSA's CrashAPI would serve it", data, rights.licence)
     else:
-        report = _File(name, _PUBLIC, "the report as NHTSA's CrashAPI serves it", data)
+        report = _File(name, "the report as NHTSA's CrashAPI serves it", data, _PUBLIC)
     return [
         report,
-        _File("summary.txt", _CC0, "the report in words", (crash.record.summary + "\n").encode()),
-        _File("map.osm", rights.licence, "the OSM data the maps were made of", crash.osm_xml),
-        _File("map.xodr", rights.licence, f"OpenDRIVE 1.7; its marks allow the crash{stand}", crossable),
-        _File("map_legal_marks.xodr", rights.licence, "the same roads with the marks the law paints", legal),
+        _File("summary.txt", "the report in words", (crash.record.summary + "\n").encode()),
+        _File("map.osm", "the OSM data the maps were made of", crash.osm_xml, rights.licence),
+        _File("map.xodr", f"OpenDRIVE 1.7; its marks allow the crash{stand}", crossable, rights.licence),
+        _File("map_legal_marks.xodr", "the same roads with the marks the law paints", legal, rights.licence),
     ]
 
 
@@ -176,7 +175,7 @@ def _scenarios(crash: PackageInput) -> list[_File]:
     scenarios = OpenScenarios(crash.record, crash.network, crash.log)
 
     def scenario(name: str, flavour: Flavour, what: str) -> _File:
-        return _File(name, _CC0, what, scenarios.write(flavour))
+        return _File(name, what, scenarios.write(flavour))
 
     files = [
         scenario("scenario.xosc", Flavour(), "OpenSCENARIO 1.2: everybody follows their trajectory"),
@@ -189,7 +188,7 @@ def _scenarios(crash: PackageInput) -> list[_File]:
         surrounded = add_traffic(crash.log, crash.traffic.traffic, throughout=True)
         data = OpenScenarios(crash.record, crash.network, surrounded).write()
         what = "OpenSCENARIO 1.2 with the vehicles around the crash that are on the map all the time (S1, ...)"
-        files.append(_File("scenario.traffic.xosc", _CC0, what, data))
+        files.append(_File("scenario.traffic.xosc", what, data))
     for number in _left_free(crash.log):
         what = f"with V{number} left to a controller of yours"
         files += [
@@ -225,49 +224,45 @@ def _results(crash: PackageInput) -> list[_File]:
         sampled=crash.sampled,
         in_3d=False,
     )
-    replay = replay_page(content, in_3d=False)
+    replay, of_the_map = replay_page(content, in_3d=False), crash.rights.licence
+    key, lights, struck = crash.record.key, crash_lights(crash.record, crash.network, crash.log), strikes(crash.log)
     files = [
-        _File("states.json", _CC0, "hypotheses: initial and impact states, evidence", estimate_to_json(crash.estimate)),
-        _File("trajectories.json", _CC0, "the simulated motion and contacts", log_to_json(crash.record.key, crash.log)),
+        _File("states.json", "hypotheses: initial and impact states, evidence", estimate_to_json(crash.estimate)),
+        _File("trajectories.json", "the simulated motion and contacts", log_to_json(key, crash.log)),
         _File(
             "courses.json",
-            _CC0,
             "everybody's course without the crash, each driver's route and goal",
-            courses_to_json(crash.record.key, crash.drives),
+            courses_to_json(key, crash.drives),
         ),
         _File(
             "lanes.json",
-            crash.rights.licence,
             "the lanes of the map as points, with the lanes after and beside each",
-            lanes_to_json(crash.record.key, crash.network),
+            lanes_to_json(key, crash.network),
+            of_the_map,
         ),
-        _File("map_report.json", _CC0, "the crash's place on the map, gates", map_report_to_json(crash.map_report)),
-        _File("verdict.json", _CC0, "every criterion with its value and threshold", verdict_to_json(crash.verdict)),
-        _File("replay.html", crash.rights.licence, "the crash to watch, in any browser", replay),
-        _File("picture.png", crash.rights.licence, "the crash from above", crash.picture or _drawn(crash)),
-        _File("provenance.json", _CC0, "code, settings and inputs of every step", _json(crash.provenance)),
+        _File("map_report.json", "the crash's place on the map, gates", map_report_to_json(crash.map_report)),
+        _File("verdict.json", "every criterion with its value and threshold", verdict_to_json(crash.verdict)),
+        _File("replay.html", "the crash to watch, in any browser", replay, of_the_map),
+        _File("picture.png", "the crash from above", crash.picture or _drawn(crash), of_the_map),
+        _File("provenance.json", "code, settings and inputs of every step", _json(crash.provenance)),
     ]
-    lights = crash_lights(crash.record, crash.network, crash.log)
     if lights:
         what = "traffic lights by the ids of the map's signals: programs from the start on, and what the parties met"
-        files.append(_File("lights.json", _CC0, what, _json([asdict(each) for each in lights])))
-    struck = strikes(crash.log)
+        files.append(_File("lights.json", what, _json([asdict(each) for each in lights])))
     if struck:
-        files.append(_File("strikes.json", _CC0, "of each person struck: trigger, path, impact point", _json(struck)))
+        files.append(_File("strikes.json", "of each person struck: trigger, path, impact point", _json(struck)))
     if crash.sampled is not None:
         what = (
             "what the report leaves open: draws of the crash, weighed by the report, their intervals and likely courses"
         )
-        files.append(_File("intervals.json", _CC0, what, samples_to_json(crash.sampled)))
+        files.append(_File("intervals.json", what, samples_to_json(crash.sampled)))
         what = "courses that agree with the report as weighted plans of all parties, for an agent to be put into each"
-        files.append(
-            _File("ensemble.json", _CC0, what, ensemble_to_json(crash.record.key, crash.estimate, crash.sampled))
-        )
+        files.append(_File("ensemble.json", what, ensemble_to_json(key, crash.estimate, crash.sampled)))
     if crash.traffic is not None:
         what = "vehicles around the crash, usual for its hour and roads, simulated by SUMO; the report has none of them"
-        files.append(_File("traffic.json", _CC0, what, traffic_to_json(crash.traffic)))
+        files.append(_File("traffic.json", what, traffic_to_json(crash.traffic)))
     if crash.variation is not None:
-        files.append(_File("variation.json", _CC0, "what was changed in the crash", _json(crash.variation)))
+        files.append(_File("variation.json", "what was changed in the crash", _json(crash.variation)))
     return files
 
 

@@ -6,17 +6,15 @@ Each crash is isolated: any exception becomes its outcome, and the next crash fo
 
 from __future__ import annotations
 
-import gc
 import logging
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
-from importlib import import_module
 from typing import TYPE_CHECKING
 
 from trace_dag.common.errors import Failure, Rejection, TransientFailure
-from trace_dag.common.gc_pause import gc_paused
+from trace_dag.common.gc_pause import gc_paused, import_frozen
 from trace_dag.common.messages.logs import log_context
 from trace_dag.common.plugins import resolve_reference
 from trace_dag.common.provenance import Outcome, OutcomeRecord, Provenance, libraries_of, now
@@ -49,19 +47,12 @@ def _say_trying_again(key: str, stage: Stage, state: RetryCallState) -> None:
 
 @gc_paused()
 def get_ready(flow: Flow, modules: Sequence[str] = ()) -> None:
-    """Import a worker's modules, also ``modules``, before its first chunk.
-
-    Existing objects are then exempt from the garbage collector, which runs after each crash and would otherwise examine
-    them every time.
-    """
+    """Import a worker's modules, also ``modules``, before its first chunk."""
     for definition in flow.stages:
         for reference in (definition.function, *(each.reader for each in flow.inputs(definition).values())):
             if reference:
                 resolve_reference(reference)
-    for name in (*_IMPORTED_WHERE_USED, *modules, *([flow.picture.partition(":")[0]] if flow.picture else [])):
-        import_module(name)
-    gc.collect()
-    gc.freeze()
+    import_frozen((*_IMPORTED_WHERE_USED, *modules, *([flow.picture.partition(":")[0]] if flow.picture else [])))
 
 
 def installed_versions() -> dict[str, str]:

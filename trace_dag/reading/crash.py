@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -157,20 +157,16 @@ class Crash:
     @property
     def contacts(self) -> pd.DataFrame:
         """Return a row per contact: time, place, parties, closing speed, impulse, delta-v."""
-        from dataclasses import fields
-
         import pandas as pd
 
         from trace_dag.simulation.types import Contact
 
-        names = [field.name for field in fields(Contact)]
+        names = [each.name for each in fields(Contact)]
         return pd.DataFrame([[getattr(each, name) for name in names] for each in self.log.contacts], columns=names)
 
     @property
     def criteria(self) -> pd.DataFrame:
         """Return a row per criterion of the verdict: value, threshold, unit, whether it holds."""
-        from dataclasses import asdict
-
         import pandas as pd
 
         return pd.DataFrame([asdict(each) for each in self.verdict.criteria])
@@ -184,14 +180,12 @@ class Crash:
         ``best`` is the value in the best hypothesis; four in five draws lie between ``low`` and ``high``, ``middle`` is
         their median. There are no rows if nothing was drawn.
         """
-        from dataclasses import asdict, fields
-
         import pandas as pd
 
         from trace_dag.reconstruction.samples.simulated import Interval
 
         rows = self._load(SAMPLED, "log").intervals if self._stored.has(SAMPLED) else ()
-        return pd.DataFrame([asdict(row) for row in rows], columns=[field.name for field in fields(Interval)])
+        return pd.DataFrame([asdict(row) for row in rows], columns=[each.name for each in fields(Interval)])
 
     @property
     def likely_courses(self) -> pd.DataFrame:
@@ -237,10 +231,8 @@ class Crash:
         parts = []
         for drive in self._drives:
             part = pd.DataFrame(drive.course, columns=list(COURSE_COLUMNS))
-            part.insert(0, "time_s", np.arange(len(part)) * STEP_S)
-            part.insert(0, "number", drive.number)
-            parts.append(part)
-        return pd.concat(parts, ignore_index=True)
+            parts.append(part.assign(number=drive.number, time_s=np.arange(len(part)) * STEP_S))
+        return pd.concat(parts, ignore_index=True)[["number", "time_s", *COURSE_COLUMNS]]
 
     @property
     def routes(self) -> pd.DataFrame:

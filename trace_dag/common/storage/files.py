@@ -340,31 +340,25 @@ class Storage:
 
         ``unreadable`` is called with each error of a local file, which is left out; without it the error is raised.
         """
+
+        def contents_of(name: str) -> bytes | None:
+            try:
+                return self.read(name)
+            except FileNotFoundError:
+                return None
+            except DamagedFile as damaged:
+                if unreadable is None:
+                    raise
+                unreadable(damaged)
+                return None
+
         wanted = [check_name(name) for name in names]
         if self.local_root is not None:
-            contents = {}
-            for name in wanted:
-                try:
-                    contents[name] = self.read(name)
-                except FileNotFoundError:
-                    continue
-                except DamagedFile as damaged:
-                    if unreadable is None:
-                        raise
-                    unreadable(damaged)
-            return contents
-        contents = {}
-        with ThreadPoolExecutor(_READ_CONCURRENTLY) as pool:
-            for name, data in zip(wanted, pool.map(self._read_if_there, wanted), strict=True):
-                if data is not None:
-                    contents[name] = data
-        return contents
-
-    def _read_if_there(self, name: str) -> bytes | None:
-        try:
-            return self.read(name)
-        except FileNotFoundError:
-            return None
+            contents = list(map(contents_of, wanted))
+        else:
+            with ThreadPoolExecutor(_READ_CONCURRENTLY) as pool:
+                contents = list(pool.map(contents_of, wanted))
+        return {name: data for name, data in zip(wanted, contents, strict=True) if data is not None}
 
     def leftovers(self, folder: str = "") -> tuple[Path, ...]:
         """Return the temporary files in a folder (by default in all) whose writer is gone.

@@ -361,8 +361,7 @@ class Registry:
         for each in cohorts:
             left = tuple(file for file in each.maps if file not in gone[each.name].values())
             if left != each.maps:
-                after = replace(each, maps=left)
-                self._write(after)
+                self._write(replace(each, maps=left))
         return {name: tuple(file.location for file in found.values()) for name, found in gone.items() if found}
 
     def leaving(self, cohort: str, only: Collection[str] = ()) -> tuple[str, ...]:
@@ -388,8 +387,7 @@ class Registry:
             self.forget(cohort)
             return gone
         before = self.cohort(cohort)
-        left = {key: report for key, report in before.reports.items() if key not in only}
-        self._write(replace(before, reports=left))
+        self._write(replace(before, reports={key: each for key, each in before.reports.items() if key not in only}))
         return gone
 
 
@@ -428,8 +426,6 @@ def _dropped(cohort: Cohort, file: str) -> RegisteredMap | None:
 
 def map_file(path: Path) -> RegisteredMap:
     """Return a local map file with its digest."""
-    digest = hashlib.sha256()
     with path.open("rb") as file:
-        while block := file.read(1 << 20):
-            digest.update(block)
-    return RegisteredMap(str(path.absolute()), digest.hexdigest(), path.stat().st_size)
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return RegisteredMap(str(path.absolute()), digest, path.stat().st_size)
