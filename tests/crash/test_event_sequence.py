@@ -200,6 +200,22 @@ def test_the_first_harmful_event_names_the_object_of_the_only_vehicle(harm: int,
     assert clocks(sequence.first) == [None if kind is EventKind.OVERTURN else 1]
 
 
+@pytest.mark.parametrize(
+    ("harm", "rollover", "events", "overturned"),
+    [
+        (42, 3, (), [(2, EventKind.OVERTURN, (1, 1))]),
+        (42, 0, (), []),
+        (1, 3, (), []),  # it is the first event
+        (42, 3, (TREE,), []),  # a report with events has it among them
+    ],
+)
+def test_a_vehicle_that_rolled_over_overturns_at_the_end_where_no_events_are_listed(
+    harm: int, rollover: int, events: tuple[Children, ...], overturned: list[tuple[int, EventKind, tuple[int, int]]]
+) -> None:
+    sequence = sequence_of(of_one(*events, harm=harm, vehicle={"ROLLOVER": rollover}))
+    assert told(sequence)[1:] == overturned
+
+
 @pytest.mark.parametrize("person_type", [6, 19])
 def test_the_only_person_was_struck_even_without_a_kind(person_type: int) -> None:
     """Of an older release without events: HARM_EV 9 is a cyclist, PER_TYP 19 a non-motorist of unknown kind."""

@@ -120,3 +120,31 @@ def test_a_body_stands_on_its_corner_while_it_rolls() -> None:
     half_diagonal_m = math.hypot(CAR.width_m, CAR.height_m) / 2
     assert vehicle.above_road_m[0] == pytest.approx(CAR.height_m / 2)
     assert CAR.width_m / 2 < vehicle.above_road_m.max() <= half_diagonal_m + 1e-6
+
+
+def circling(speed_mps: float, turned_deg: float) -> VehicleLog:
+    """A car beside the street that is let go half a second after the start, with its front wheels turned, on soil."""
+    away_rad = math.copysign(math.pi / 2, turned_deg)
+    path = straight(0.0, math.copysign(4.0, turned_deg), away_rad, speed_mps, until_s=0.5)
+    lost = LossOfControl(0.5, wheels_rad=math.radians(turned_deg), locked_wheels=0.0, digs_in=True)
+    crash = replace(participant(1, path, CAR), beyond_edge=True, losses_of_control=(lost,))
+    log = EmbeddedSimulation(SimSettings(), Surface(), 0.75, STREET).run((crash,), time_limit_s=20.0)
+    return log.vehicles[0]
+
+
+@pytest.mark.parametrize(("turned_deg", "outside"), [(16.0, 1.0), (-16.0, -1.0)])
+def test_a_car_that_circles_on_soil_tips_to_the_outside(turned_deg: float, outside: float) -> None:
+    """To the left it tips to its right, which is positive."""
+    vehicle = circling(25.0, turned_deg)
+    over = overturned_at(vehicle)
+    assert over is not None
+    assert math.copysign(1.0, float(vehicle.roll_rad[over])) == outside
+
+
+@pytest.mark.parametrize("speed_mps", [8.0, 15.0])
+def test_wheels_that_dig_in_take_energy(speed_mps: float) -> None:
+    """What the ground gives a turned wheel is across the wheel: it slows down the car that it holds in its curve."""
+    vehicle = circling(speed_mps, 16.0)
+    speeds_mps = np.hypot(vehicle.velocity_x_mps, vehicle.velocity_y_mps)[vehicle.time_s > 1.0]
+    assert len(speeds_mps) > 50
+    assert (np.diff(speeds_mps) < 0.001).all()

@@ -10,8 +10,9 @@ Nothing is guessed for several vehicles or persons: an open question rejects the
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import count
 from typing import Final, TypeAlias
 
 from trace_dag.common.errors import Reason, Rejection
@@ -169,9 +170,10 @@ def sequence_of(record: CrashRecord) -> EventSequence:
     Traceback (most recent call last):
     trace_dag.common.errors.Rejection: incomplete_sequence: the report lists 3 of 4 vehicles in transport
     """
-    harmful = _from_first_harmful(record)
-    if harmful[0].code not in MODELLED:
-        raise _not_modelled(harmful)
+    from_first = _from_first_harmful(record)
+    if from_first[0].code not in MODELLED:
+        raise _not_modelled(from_first)
+    harmful = (*from_first, *_implied_overturns(record, from_first))
     reader = _Reader(record)
     for event in harmful:
         reader.add(event)
@@ -217,6 +219,17 @@ def _implied(record: CrashRecord, code: int | None) -> Sequence[EventRecord]:
     struck = thing_party(1) if code in _OBJECTS | codes.ANIMALS else None
     number, area = (None, None) if vehicle is None else (vehicle.number, vehicle.impact)
     return [EventRecord(1, code, number, area, struck, None, ("code", "party_1", "area_1"))]
+
+
+def _implied_overturns(record: CrashRecord, harmful: Sequence[EventRecord]) -> Iterator[EventRecord]:
+    """Yield an overturn after all events for each vehicle that rolled over (``ROLLOVER``), if the report lists none."""
+    if record.events and "events" not in record.implied:
+        return
+    overturned = {event.party_1 for event in harmful if event.code == codes.OVERTURN}
+    numbers = count(harmful[-1].number + 1)
+    for vehicle in record.vehicles:
+        if vehicle.rollover_code not in (None, *codes.NO_ROLLOVER) and vehicle.number not in overturned:
+            yield EventRecord(next(numbers), codes.OVERTURN, vehicle.number, None, None, None, ("code", "party_1"))
 
 
 def unlisted_vehicles(record: CrashRecord) -> str | None:

@@ -40,7 +40,7 @@ from trace_dag.simulation.types import Contact, Participant, SimulationLog, Term
 from trace_dag.simulation.vehicle_pairs import BOUND, BOUND_MPS, VehiclePairs, same_level
 from trace_dag.simulation.vehicles import vehicle_model
 
-BACKEND_NAME, VERSION = "embedded", "4"
+BACKEND_NAME, VERSION = "embedded", "5"
 _CONTACT_STEP_S = 0.0025
 _MAX_SPEED_MPS = 150.0
 _MAX_DISTANCE_M = 5000.0

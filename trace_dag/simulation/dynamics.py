@@ -421,9 +421,9 @@ class Vehicle:
             turned = turned_rad if arm > 0 else 0.0
             if turned:
                 slips_n -= stiffness * math.copysign(turned, turned * ahead_v)
-            rolls = -rolling * grip * math.tanh(slips_n / grip)
-            side = (rolls - slide * across_v) * self.side_grip
-            ahead -= slide * ahead_v + load * resist + (rolls * math.sin(turned) if turned else 0.0)
+            rolls = -rolling * grip * math.tanh(slips_n / grip) * self.side_grip  # across the wheel, not the body
+            side = rolls * math.cos(turned) - slide * across_v * self.side_grip
+            ahead -= slide * ahead_v + load * resist + rolls * math.sin(turned)
             left += side
             moment += arm * side
         self.steer = turned_rad

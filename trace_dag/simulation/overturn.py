@@ -154,17 +154,16 @@ class Roll:
         elif self.over:
             self._go_on(speed_mps, step_s)
         else:
-            self._tip(self._model, lateral_mps2, lateral_mps, step_s, weight_mps2)
+            self._tip(self._model, lateral_mps2, step_s, weight_mps2)
 
     def _lean(self, lateral_mps: float) -> None:
         if self._tilt_rad == 0.0:
             self._side = 1.0 if lateral_mps < 0 else -1.0  # it tips towards where it slides
 
-    def _tip(
-        self, model: RollModel, lateral_mps2: float, lateral_mps: float, step_s: float, weight_mps2: float
-    ) -> None:
-        # The ground pushes against the sliding: to the left (positive) where it slides and tips to the right.
-        self._lean(lateral_mps)
+    def _tip(self, model: RollModel, lateral_mps2: float, step_s: float, weight_mps2: float) -> None:
+        # It tips away from where the ground pushes it. On rolling wheels that is to the outside of its curve, although
+        # its centre of gravity may move to the inside; where it slides, it is the side to which it slides.
+        self._lean(-lateral_mps2)
         pushed = max(self._side * lateral_mps2, 0.0)
         angle = model.standing_rad + self._tilt_rad
         turning = model.arm_m * (pushed * math.sin(angle) - weight_mps2 * math.cos(angle)) / model.inertia_m2

@@ -15,8 +15,8 @@ VERSIONS = {
     Stage.CRASH_RECORD: 9,
     Stage.OSM_EXTRACT: 3,
     Stage.ROAD_MAP: 7,
-    Stage.STATE_ESTIMATE: 16,
-    Stage.SIMULATION_LOG: 4,
+    Stage.STATE_ESTIMATE: 17,
+    Stage.SIMULATION_LOG: 5,
     Stage.VERDICT: 15,
 }
 """Numbers of the stages' code. Raise one when other results come of the same input: a test compares the
