@@ -223,8 +223,10 @@ def _departures(beside: Comparison) -> Iterator[Reservation]:
     if stayed and not reported:
         yield Reservation(Doubt.UNREPORTED_DEPARTURE, f"vehicle {number} leaves the road, which no event reports")
     side = SIDE_OF_EVENT.get(reported.pop()) if len(reported) == 1 else None
-    other = _OPPOSITE.get(side) if side else None
-    excursions = _excursions(beside.observed.network, beside.observed.log, number) if other else ()
+    if side not in _OPPOSITE:
+        return
+    other = _OPPOSITE[side]
+    excursions = _excursions(beside.observed.network, beside.observed.log, number)
     if any(each.left_s > first.time_s and other in each.sides and side not in each.sides for each in excursions):
         detail = f"vehicle {number} comes back and leaves the road {SIDES_IN_WORDS[other]}, which no event reports"
         yield Reservation(Doubt.UNREPORTED_DEPARTURE, detail)
