@@ -176,8 +176,7 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
         connection.execute("SET threads = 1")  # thousands of small files: more threads get in each other's way
         tables = _read(storage, cohort_of, connection, on_problem)
         tables |= {"listing": unread_reports(storage, cohorts, tables["standing"])}
-        tables |= {"state": state_names(), "code_meaning": code_meanings(), "kind_of_crash": crash_kinds()}
-        tables |= {"odd_term": domain_terms()}
+        tables |= fixed_tables() | evaluation_tables(storage, on_problem)
         for name, table in tables.items():
             connection.register(name, table)
         comparisons = list(storage.list(FOLDER))
@@ -189,8 +188,6 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
             ]
             files = local_files(storage, names, folder)
             connection.execute(f"SET VARIABLE {variable} = $files", {"files": files})
-        for name, rows_of_agents in evaluation_tables(storage, on_problem).items():
-            connection.register(name, rows_of_agents)
         connection.execute("SET VARIABLE code_version = $code", {"code": VERSION})
         connection.execute("RESET threads")  # the tables are made of a few large ones
         if changed is None:
@@ -273,15 +270,12 @@ def evaluation_tables(storage: Storage, on_problem: OnProblem) -> dict[str, pa.T
     import pyarrow as pa
 
     return {
-        "evaluation": pa.Table.from_pylist(
-            evaluations.all_rows(storage, on_problem=on_problem), schema=EVALUATIONS.arrow()
-        ),
-        "variation": pa.Table.from_pylist(
-            stored_variations.all_rows(storage, on_problem=on_problem), schema=VARIATIONS.arrow()
-        ),
-        "traffic_row": pa.Table.from_pylist(
-            stored_traffic.all_rows(storage, on_problem=on_problem), schema=TRAFFIC.arrow()
-        ),
+        name: pa.Table.from_pylist(all_rows(storage, on_problem=on_problem), schema=schema.arrow())
+        for name, all_rows, schema in (
+            ("evaluation", evaluations.all_rows, EVALUATIONS),
+            ("variation", stored_variations.all_rows, VARIATIONS),
+            ("traffic_row", stored_traffic.all_rows, TRAFFIC),
+        )
     }
 
 
@@ -306,47 +300,32 @@ def unread_reports(storage: Storage, cohorts: Iterable[Cohort], crash_statuses: 
     return pa.Table.from_pylist([_row(listing) for listing in listings.values()], schema=schema)
 
 
-def state_names() -> pa.Table:
-    """Return names of the states by ``STATE`` code."""
-    import pyarrow as pa
+def fixed_tables() -> dict[str, pa.Table]:
+    """Return the tables that are the same for every root, by their names in SQL.
 
-    return pa.table({"code": pa.array(list(STATES), pa.int32()), "name": list(STATES.values())})
-
-
-def crash_kinds() -> pa.Table:
-    """Return the kinds of crash, and whether each can be judged."""
-    import pyarrow as pa
-
-    return pa.table(
-        {"kind": [kind.value for kind in CrashKind], "judged": [kind in JUDGED_KINDS for kind in CrashKind]}
-    )
-
-
-def code_meanings() -> pa.Table:
-    """Return the meanings of FARS codes in the warehouse's columns, without those for "unknown"."""
+    They are the states by ``STATE`` code, the kinds of crash and whether each can be judged, the meanings of FARS codes
+    in the warehouse's columns without those for "unknown", and the terms of the operational design domain.
+    """
     import pyarrow as pa
 
     meanings = [
-        {"element": table.element, "code": code, "meaning": meaning}
+        (table.element, code, meaning)
         for table in map(code_table, _CODES.split())
         for code, meaning in table.meanings.items()
         if meaning and table.known(code) is not None
     ]
-    return pa.Table.from_pylist(
-        meanings, schema=pa.schema([("element", pa.string()), ("code", pa.int32()), ("meaning", pa.string())])
-    )
-
-
-def domain_terms() -> pa.Table:
-    """Return the terms of the operational design domain by element and code."""
-    import pyarrow as pa
-
-    terms = [
-        {"element": element, "code": str(code), "term": term.term}
-        for element, by_code in ODD.items()
-        for code, term in by_code.items()
-    ]
-    return pa.Table.from_pylist(terms)
+    kinds = [(kind.value, kind in JUDGED_KINDS) for kind in CrashKind]
+    terms = [(element, str(code), each.term) for element, by_code in ODD.items() for code, each in by_code.items()]
+    code, text, flag = ("code", pa.int32()), pa.string(), pa.bool_()
+    return {
+        name: pa.Table.from_pylist([dict(zip(dict(columns), row, strict=True)) for row in rows], pa.schema(columns))
+        for name, columns, rows in (
+            ("state", [code, ("name", text)], STATES.items()),
+            ("kind_of_crash", [("kind", text), ("judged", flag)], kinds),
+            ("code_meaning", [("element", text), code, ("meaning", text)], meanings),
+            ("odd_term", [("element", text), ("code", text), ("term", text)], terms),
+        )
+    }
 
 
 def _row(listing: CrashListing) -> dict[str, Any]:
