@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -111,21 +111,13 @@ class CarlaActor:
             wheel.tire_friction *= friction / _STANDARD_FRICTION
         control.wheels = wheels
         actor.apply_physics_control(control)
-        extent = actor.bounding_box.extent
         return cls(
             carla=carla,
             world=world,
             participant=participant,
             plan=resample(participant.trajectory, step_s, time_limit_s, 0.0),
             actor=actor,
-            body=Body(
-                kind=participant.body.kind,
-                vehicle_class=participant.body.vehicle_class,
-                length_m=2 * extent.x,
-                width_m=2 * extent.y,
-                height_m=2 * extent.z,
-                mass_kg=participant.body.mass_kg,
-            ),
+            body=_body_in_carla(participant.body, actor),
             step_s=step_s,
             max_steer_rad=max(
                 (math.radians(wheel.max_steer_angle) for wheel in wheels if wheel.max_steer_angle > 0),
@@ -177,20 +169,21 @@ class CarlaActor:
 
         It keeps the height, pitch and roll at which it settled on the road.
         """
-        start = self.participant.initial_pose
-        back_m = self._ahead_m + self.participant.initial_speed_mps * self.step_s
         settled = self.actor.get_transform()
-        origin = Pose(
-            start.x_m - back_m * math.cos(start.heading_rad),
-            start.y_m - back_m * math.sin(start.heading_rad),
-            start.heading_rad,
-            settled.location.z - self._climb_mps(0) * self.step_s,
-        )
-        placed = transform_to_carla(self.carla, origin)
+        z_m = settled.location.z - self._climb_mps(0) * self.step_s
+        placed = transform_to_carla(self.carla, self._a_step_before(self._ahead_m, z_m))
         placed.rotation.pitch, placed.rotation.roll = settled.rotation.pitch, settled.rotation.roll
         self.actor.set_transform(placed)
         self.actor.apply_control(self.carla.VehicleControl())
         self.carry(0)
+
+    def _a_step_before(self, ahead_m: float, z_m: float) -> Pose:
+        """Return the pose, one step before the start, of an origin that is some way behind the body's centre."""
+        start = self.participant.initial_pose
+        back_m = ahead_m + self.participant.initial_speed_mps * self.step_s
+        x_m = start.x_m - back_m * math.cos(start.heading_rad)
+        y_m = start.y_m - back_m * math.sin(start.heading_rad)
+        return Pose(x_m, y_m, start.heading_rad, z_m)
 
     def _climb_mps(self, tick: int) -> float:
         """Return the vertical speed of the planned position over the next tick, m/s, positive uphill."""
@@ -216,26 +209,21 @@ class CarlaActor:
         self.actor.set_target_angular_velocity(self.carla.Vector3D(0.0, 0.0, yaw_rate))
         self.steer = math.atan(_WHEELBASE * self.body.length_m * curvature)
         self.throttle, self.brake = (_CRUISE_THROTTLE, 0.0) if abs(speed) > _REST_MPS else (0.0, 1.0)
-        to_the_right = -self.steer / self.max_steer_rad
-        self.actor.apply_control(
-            self.carla.VehicleControl(
-                throttle=self.throttle, steer=max(-1.0, min(1.0, to_the_right)), brake=self.brake, reverse=speed < 0
-            )
-        )
+        self._apply_control(reverse=speed < 0)
 
     def obey(self, pedals: Pedals) -> None:
         """Apply a driver's pedals and steering through CARLA's own vehicle control."""
         self.steer = max(-self.max_steer_rad, min(self.max_steer_rad, pedals.steer_rad))
         self.throttle = max(0.0, min(1.0, pedals.throttle))
         self.brake = max(0.0, min(1.0, pedals.brake))
-        self.actor.apply_control(
-            self.carla.VehicleControl(
-                throttle=self.throttle,
-                steer=-self.steer / self.max_steer_rad,  # CARLA steers to the right
-                brake=self.brake,
-                reverse=pedals.reverse,
-            )
+        self._apply_control(reverse=pedals.reverse)
+
+    def _apply_control(self, *, reverse: bool) -> None:
+        to_the_right = max(-1.0, min(1.0, -self.steer / self.max_steer_rad))
+        control = self.carla.VehicleControl(
+            throttle=self.throttle, steer=to_the_right, brake=self.brake, reverse=reverse
         )
+        self.actor.apply_control(control)
 
     def let_go(self, brake: float) -> None:
         """Release the vehicle: from now on it only brakes, with ``brake`` as a share of full brakes."""
@@ -311,6 +299,12 @@ class CarlaActor:
         ).on_grid()
 
 
+def _body_in_carla(body: Body, actor: Any) -> Body:
+    """Return a body with the dimensions of the actor that represents it."""
+    extent = actor.bounding_box.extent
+    return replace(body, length_m=2 * extent.x, width_m=2 * extent.y, height_m=2 * extent.z)
+
+
 # --- people on foot --------------------------------------------------------------------------------------------------
 _STANDS_MPS = 0.05
 
@@ -339,14 +333,13 @@ class CarlaWalker(CarlaActor):
             raise Failure(
                 f"CARLA could not spawn {who} ({name}) at x {pose.x_m:.1f} m, y {pose.y_m:.1f} m: something is there"
             )
-        extent, body = actor.bounding_box.extent, participant.body
         return cls(
             carla=carla,
             world=world,
             participant=participant,
             plan=resample(participant.trajectory, step_s, time_limit_s, 0.0),
             actor=actor,
-            body=Body(body.kind, body.vehicle_class, 2 * extent.x, 2 * extent.y, 2 * extent.z, body.mass_kg),
+            body=_body_in_carla(participant.body, actor),
             step_s=step_s,
             max_steer_rad=0.0,
         )
@@ -357,15 +350,7 @@ class CarlaWalker(CarlaActor):
 
     def put_at_start(self) -> None:
         """Move the settled walker one step short of its start."""
-        start = self.participant.initial_pose
-        back_m = self.participant.initial_speed_mps * self.step_s
-        settled = self.actor.get_transform()
-        origin = Pose(
-            start.x_m - back_m * math.cos(start.heading_rad),
-            start.y_m - back_m * math.sin(start.heading_rad),
-            start.heading_rad,
-            settled.location.z,
-        )
+        origin = self._a_step_before(0.0, self.actor.get_transform().location.z)
         self.actor.set_transform(transform_to_carla(self.carla, origin))
         self.carry(0)
 
