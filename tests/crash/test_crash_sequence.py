@@ -14,11 +14,9 @@ from crash_reports import own_events, parties, report
 from trace_dag.common.settings import CrashSettings
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.fars.csv_tables import FarsCsvSource
-from trace_dag.crash.meetings import FirstEvent, VehicleEvent, merge_sequences
+from trace_dag.crash.meetings import VehicleEvent, merge_sequences
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord, VehicleClass, VehicleRecord
-
-NO_MANNER = FirstEvent(contact=True, man_coll=None)
 
 
 def read(crash: dict[str, object], *vehicles: dict[str, object], settings: CrashSettings) -> CrashRecord:
@@ -128,7 +126,7 @@ def test_pairings_of_a_national_year(shared_data: Path) -> None:
             ]
             for number, own_rows in rows[case].items()
         }
-        events, _ = merge_sequences(sequences, vehicles, NO_MANNER)
+        events, _ = merge_sequences(sequences, vehicles, contact_first=True, man_coll=None)
         found = [frozenset((event.party_1, event.party_2)) for event in events if event.is_vehicle_contact]
         right[Counter(found) == Counter(reported[case])] += 1
     assert right == {True: 172}

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
 from importlib import import_module, metadata
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -134,9 +135,9 @@ def signature_of(reference: str) -> Signature:
 
 
 def resolve_reference(reference: str) -> Any:
-    """Import and return the object named ``module:name``."""
+    """Import and return the object named ``module:name``, or ``module:name.attribute``."""
     module, _, name = reference.partition(":")
-    return getattr(import_module(module), name)
+    return attrgetter(name)(import_module(module))
 
 
 def _written(node: ast.expr | None) -> str:

@@ -63,7 +63,8 @@ def complete_record(record: CrashRecord) -> CrashRecord:
         implied=(*record.implied, "road_topology") if topology_implied else record.implied,
     )
     completed = replace(completed, vehicles=tuple(_with_movement(completed, vehicle) for vehicle in vehicles))
-    completed = replace(completed, vehicle_trajectory=vehicle_trajectory(_crash_types(completed)))
+    crashed = completed.colliding_vehicles or [vehicle for vehicle in completed.vehicles if vehicle.in_transport]
+    completed = replace(completed, vehicle_trajectory=vehicle_trajectory([each.crash_type_code for each in crashed]))
     completed = replace(completed, contradictions=(*record.contradictions, *contradictions_of(completed)))
     return replace(completed, summary=summarise(completed))
 
@@ -108,11 +109,6 @@ def _with_movement(record: CrashRecord, vehicle: VehicleRecord) -> VehicleRecord
     if implied is None:
         return vehicle
     return replace(vehicle, movement=implied, implied=(*vehicle.implied, "movement"))
-
-
-def _crash_types(record: CrashRecord) -> list[int | None]:
-    vehicles = record.colliding_vehicles or tuple(vehicle for vehicle in record.vehicles if vehicle.in_transport)
-    return [vehicle.crash_type_code for vehicle in vehicles]
 
 
 # --- crash types that are implied ------------------------------------------------------------------------------------

@@ -165,15 +165,11 @@ def _speeds(record: CrashRecord) -> Iterator[str]:
                 f"vehicle {vehicle.number}: P_CRASH1 says it {codes.P_CRASH1.meaning(vehicle.movement)}, but TRAV_SP "
                 f"{mps_to_mph(speed_mps):.0f} mph"
             )
-        elif speed_mps == 0 and _moving(vehicle):
+        elif speed_mps == 0 and vehicle.movement not in _MAY_STAND | UNSAID_MOVEMENTS:
             yield (
                 f"vehicle {vehicle.number}: TRAV_SP says stopped, but it {codes.P_CRASH1.meaning(vehicle.movement)} "
                 f"(ACC_TYPE {vehicle.crash_type_code})"
             )
-
-
-def _moving(vehicle: VehicleRecord) -> bool:
-    return vehicle.movement not in _MAY_STAND and vehicle.movement not in UNSAID_MOVEMENTS
 
 
 def _junction(record: CrashRecord) -> Iterator[str]:

@@ -211,33 +211,30 @@ class CriticalEvent:
     driveway: bool = False
 
 
+_CRITICAL_EVENTS: Final[Mapping[int, CriticalEvent]] = {
+    **dict.fromkeys((*range(1, 7), 8, 9, *range(10, 17), 18, 20, 21), CriticalEvent(own=True)),
+    17: CriticalEvent(own=True, relation=Relation.CROSSING),
+    **dict.fromkeys(range(50, 54), CriticalEvent(relation=Relation.SAME_LANE)),  # another one in this vehicle's lane
+    # The oncoming vehicle was in "this vehicle's lane": as a rule, because this one was in its lane.
+    54: CriticalEvent(own=True, relation=Relation.OPPOSITE_DIRECTION),
+    **dict.fromkeys((60, 61), CriticalEvent(own=False, relation=Relation.SAME_DIRECTION)),
+    **dict.fromkeys((62, 63), CriticalEvent(own=False, relation=Relation.OPPOSITE_DIRECTION)),
+    **dict.fromkeys(range(65, 69), CriticalEvent(own=False, relation=Relation.CROSSING, crossing_is_other=True)),
+    **dict.fromkeys(
+        (64, *range(70, 74)),
+        CriticalEvent(own=False, relation=Relation.CROSSING, crossing_is_other=True, driveway=True),
+    ),
+    **dict.fromkeys((55, 74, 78), CriticalEvent(own=False)),
+}
+
+
 def critical_event(code: int | None) -> CriticalEvent:
     """Return the meaning of ``P_CRASH2``; all unknown for codes that do not concern two vehicles.
 
     >>> critical_event(62).own, str(critical_event(62).relation)  # the other one came from the opposite direction
     (False, 'opposite_direction')
     """
-    if code is None:
-        return CriticalEvent()
-    if code in (1, 2, 3, 4, 5, 6, 8, 9, 10, 11, 12, 13, 14, 15, 16, 18, 20, 21):
-        return CriticalEvent(own=True)
-    if code == 17:
-        return CriticalEvent(own=True, relation=Relation.CROSSING)
-    if code in (50, 51, 52, 53):  # another vehicle in this vehicle's lane, same direction
-        return CriticalEvent(relation=Relation.SAME_LANE)
-    if code == 54:  # the oncoming vehicle was in "this vehicle's lane": as a rule, because this one was in its lane
-        return CriticalEvent(own=True, relation=Relation.OPPOSITE_DIRECTION)
-    if code in (60, 61):
-        return CriticalEvent(own=False, relation=Relation.SAME_DIRECTION)
-    if code in (62, 63):
-        return CriticalEvent(own=False, relation=Relation.OPPOSITE_DIRECTION)
-    if code in (65, 66, 67, 68):
-        return CriticalEvent(own=False, relation=Relation.CROSSING, crossing_is_other=True)
-    if code in (64, 70, 71, 72, 73):
-        return CriticalEvent(own=False, relation=Relation.CROSSING, crossing_is_other=True, driveway=True)
-    if code in (55, 74, 78):
-        return CriticalEvent(own=False)
-    return CriticalEvent()
+    return _CRITICAL_EVENTS.get(code or 0, CriticalEvent())
 
 
 def opposite_side(side: Side) -> Side:
@@ -271,7 +268,6 @@ SIDE_AFTER_EVENT: Final = {
 }
 """Side that a vehicle is on after an event, on which it leaves the road if no later one says so."""
 _OVER_THE_MIDDLE: Final = frozenset({codes.CROSSED_CENTRELINE, codes.CROSSED_MEDIAN})
-_SIDE_OF_TYPE: Final = {Side.RIGHT: DepartureSide.RIGHT, Side.LEFT: DepartureSide.LEFT}
 _OFF_THE_END: Final = 14  # P_CRASH2
 _SIDE_OF_CRITICAL: Final = {12: DepartureSide.LEFT, 13: DepartureSide.RIGHT, _OFF_THE_END: DepartureSide.AHEAD}
 _FORWARD: Final = frozenset(range(11, 17))  # ACC_TYPE
@@ -310,7 +306,7 @@ def departure_side(vehicle: VehicleRecord, by_event: DepartureSide | None) -> De
         return by_event
     departure = crash_type_of(vehicle).departure
     if departure is not None:
-        return _SIDE_OF_TYPE[departure]
+        return DepartureSide(departure)
     if vehicle.crash_type_code in _FORWARD:
         return DepartureSide.AHEAD
     return _SIDE_OF_CRITICAL.get(vehicle.critical_event_code or 0)

@@ -50,7 +50,9 @@ class Fields:
         for name, text in row.items():
             if len(text) > MAX_TEXT:
                 raise malformed(f"{where}: {name} has {len(text)} characters; expected {MAX_TEXT} at most")
-        self._text = {name: text if text.isalnum() else _cleaned(text) for name, text in row.items()}
+        self._text = {
+            name: text if text.isalnum() else " ".join(_CONTROL.sub("", text).split()) for name, text in row.items()
+        }
 
     def names(self) -> set[str]:
         """Return the names of all values that are not blank, in capitals."""
@@ -126,10 +128,6 @@ def known_codes(rows: Iterable[Fields], element: str, *names: str) -> tuple[int,
     """
     found = {row.known_code(element, *names) for row in rows}
     return tuple(sorted(code for code in found if code is not None))
-
-
-def _cleaned(text: str) -> str:
-    return " ".join(_CONTROL.sub("", text).split())
 
 
 def whole_number(row: Row, name: str) -> int | None:

@@ -42,18 +42,16 @@ class VehicleEvent:
     mended: bool = False  # the code was blank and follows from other fields
 
 
-@dataclass(frozen=True)
-class FirstEvent:
-    """The reported first harmful event: whether two vehicles met in it, and how (``MAN_COLL``)."""
-
-    contact: bool
-    man_coll: int | None
-
-
 def merge_sequences(
-    by_vehicle: Mapping[int, Sequence[VehicleEvent]], vehicles: Sequence[VehicleRecord], first: FirstEvent
+    by_vehicle: Mapping[int, Sequence[VehicleEvent]],
+    vehicles: Sequence[VehicleRecord],
+    *,
+    contact_first: bool,
+    man_coll: int | None,
 ) -> tuple[tuple[EventRecord, ...], bool]:
     """Return the crash's sequence joined from the vehicles' own, and whether the order of contacts was chosen.
+
+    ``contact_first``: two vehicles met in the first harmful event, in the manner ``man_coll``.
 
     If several pairings are possible, those remain whose first contact agrees with ``MAN_COLL`` and the crash types. If
     they differ only in the order of contacts, vehicles with lower numbers met first (true in 92.5 % of the 1,712
@@ -62,7 +60,7 @@ def merge_sequences(
     66 such crashes of 2016). Otherwise the second party stays None.
 
     >>> own = {1: [VehicleEvent(1, 12, None)], 2: [VehicleEvent(2, 12, None)]}  # each met another vehicle in transport
-    >>> (event,), chosen = merge_sequences(own, record.vehicles, FirstEvent(contact=True, man_coll=6))
+    >>> (event,), chosen = merge_sequences(own, record.vehicles, contact_first=True, man_coll=6)
     >>> event.party_1, event.party_2, chosen
     (1, 2, False)
     """
@@ -70,7 +68,10 @@ def merge_sequences(
     contacts = {
         number: [event for event in events if event.code in VEHICLE_EVENTS] for number, events in by_vehicle.items()
     }
-    pairing, chosen = _pairing(contacts, standing, {vehicle.number: vehicle for vehicle in vehicles}, first)
+    pairings = _pairings(contacts, standing)
+    if contact_first and len(pairings) > 1:
+        pairings = _fitting(pairings, contacts, {vehicle.number: vehicle for vehicle in vehicles}, man_coll)
+    pairing, chosen = _certain(pairings, contacts, standing)
     partner = {one: other for pair in pairing for one, other in (pair, pair[::-1])}
     others = {vehicle.number for vehicle in vehicles}
 
@@ -113,20 +114,24 @@ def _may_meet(event: VehicleEvent, other: int, other_code: int, standing: frozen
     return stood == (1 if event.code in STRUCK_STANDING else 0)
 
 
-def _pairing(
+def _fitting(
+    possible: set[_Pairing],
     contacts: Mapping[int, Sequence[VehicleEvent]],
-    standing: frozenset[int],
     vehicles: Mapping[int, VehicleRecord],
-    first: FirstEvent,
+    man_coll: int | None,
+) -> set[_Pairing]:
+    """Return the pairings whose first contact agrees best with the report; all if none agrees."""
+    score = {pairing: _first_fits(pairing, contacts, vehicles, man_coll) for pairing in possible}
+    best = max(score.values())
+    return {pairing for pairing in possible if best <= 0 or score[pairing] == best}
+
+
+def _certain(
+    possible: set[_Pairing], contacts: Mapping[int, Sequence[VehicleEvent]], standing: frozenset[int]
 ) -> tuple[_Pairing, bool]:
     """Return the meetings that are certain, and whether their order is not."""
-    possible = _pairings(contacts, standing)
     if not possible:
         return _in_turn(contacts, standing), False
-    if first.contact and len(possible) > 1:
-        score = {pairing: _first_fits(pairing, contacts, vehicles, first.man_coll) for pairing in possible}
-        best = max(score.values())
-        possible = {pairing for pairing in possible if best <= 0 or score[pairing] == best}
     if len({tuple(sorted((one[0], other[0]) for one, other in pairing)) for pairing in possible}) == 1:
         return min(possible, key=sorted), len(possible) > 1
     queue = _queue(possible, contacts)

@@ -20,13 +20,7 @@ _ABBREVIATIONS: Final = (
     "AL AK AZ AR CA CO CT DE DC FL GA HI ID IL IN IA KS KY LA ME MD MA MI MN MS MO MT NE NV NH NJ NM NY NC ND OH OK OR "
     "PA PR RI SC SD TN TX UT VT VA VI WA WV WI WY"  # in the order of the codes
 )
-_POSTAL: Final = dict(
-    zip(
-        STATES,
-        _ABBREVIATIONS.split(),
-        strict=True,
-    )
-)
+_POSTAL: Final = dict(zip(STATES, _ABBREVIATIONS.split(), strict=True))
 _BY_NAME: Final = {name.casefold(): code for names in (STATES, _POSTAL) for code, name in names.items()}
 
 

@@ -21,7 +21,7 @@ from trace_dag.crash.codes import elements as codes
 from trace_dag.crash.crash_types import Side, crash_type
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.fields import Fields
-from trace_dag.crash.meetings import FirstEvent, VehicleEvent, merge_sequences
+from trace_dag.crash.meetings import VehicleEvent, merge_sequences
 from trace_dag.crash.record import EventRecord, VehicleRecord
 
 _DEPARTURES: Final = {Side.RIGHT: codes.RAN_OFF_RIGHT, Side.LEFT: codes.RAN_OFF_LEFT, None: codes.RAN_OFF}
@@ -73,9 +73,12 @@ def read_sequence(crash: Fields, vehicles: Sequence[VehicleRecord]) -> ReadSeque
         events, unlisted = _event_rows(of_crash or of_vehicles, vehicles)
         return ReadSequence(events, () if of_crash else ("events",), (*strays, *unlisted, *_differences(events, rows)))
     if rows:
-        first = FirstEvent(harm_ev in codes.VEHICLE_CONTACTS, crash.known_code("MAN_COLL"))
-        mended = _mended(rows, vehicles, harm_ev)
-        events, chosen = merge_sequences(mended, vehicles, first)
+        events, chosen = merge_sequences(
+            _mended(rows, vehicles, harm_ev),
+            vehicles,
+            contact_first=harm_ev in codes.VEHICLE_CONTACTS,
+            man_coll=crash.known_code("MAN_COLL"),
+        )
         implied = ("events", "order_of_contacts") if chosen else ("events",)
         return ReadSequence(events, implied, strays, order_known=False)
     events = _first_harmful(crash, vehicles, harm_ev)

@@ -29,7 +29,7 @@ from trace_dag.pages.replay_impacts import strikes
 from trace_dag.reconstruction.samples.simulated import SampledRuns, samples_to_json
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.writer import write_opendrive
-from trace_dag.roads.report import MapReport, map_report_to_json
+from trace_dag.roads.report import MapReport
 from trace_dag.scenario.drawn_shapes import OBJECT_NOTE, names
 from trace_dag.scenario.drives import Drive
 from trace_dag.scenario.driving_files import courses_to_json, ensemble_to_json, lanes_to_json
@@ -240,7 +240,7 @@ def _results(crash: PackageInput) -> list[_File]:
             lanes_to_json(key, crash.network),
             of_the_map,
         ),
-        _File("map_report.json", "the crash's place on the map, gates", map_report_to_json(crash.map_report)),
+        _File("map_report.json", "the crash's place on the map, gates", crash.map_report.to_json()),
         _File("verdict.json", "every criterion with its value and threshold", verdict_to_json(crash.verdict)),
         _File("replay.html", "the crash to watch, in any browser", replay, of_the_map),
         _File("picture.png", "the crash from above", crash.picture or _drawn(crash), of_the_map),

@@ -71,13 +71,13 @@ ROAD_MAP: Final[Artefact[RoadNetwork]] = Artefact(
     Stage.ROAD_MAP, ("xodr",), "trace_dag.roads.map.reader:read_opendrive", named=True
 )
 MAP_REPORT: Final[Artefact[MapReport]] = Artefact(
-    Stage.ROAD_MAP, ("json",), "trace_dag.roads.report:map_report_from_json"
+    Stage.ROAD_MAP, ("json",), "trace_dag.roads.report:MapReport.from_json"
 )
 REJECTED_MAP: Final[Artefact[RoadNetwork]] = Artefact(
     Stage.ROAD_MAP, ("rejected.xodr",), "trace_dag.roads.map.reader:read_opendrive", named=True
 )
 REJECTED_REPORT: Final[Artefact[RejectedMapReport]] = Artefact(
-    Stage.ROAD_MAP, ("rejected.json",), "trace_dag.roads.report:rejected_report_from_json"
+    Stage.ROAD_MAP, ("rejected.json",), "trace_dag.roads.report:RejectedMapReport.from_json"
 )
 ESTIMATE: Final[Artefact[StateEstimate]] = Artefact(
     Stage.STATE_ESTIMATE, ("json",), "trace_dag.simulation.states:estimate_from_json"

@@ -100,26 +100,21 @@ def features_of_ways(ways: Sequence[RawWay], box: BoundingBox) -> list[OsmFeatur
     closed = (places[lasts - sizes + 1] == places[lasts]).all(axis=1)
     areas = closed & (counts > 3) & np.array([_is_area(way.tags) for way in ways])
     shapes = np.empty(len(ways), dtype=object)
-    for chosen, make in ((areas, _areas), (~areas & (counts > 1), _lines)):
+    for chosen, make in ((areas, _areas), (~areas & (counts > 1), shapely.linestrings)):
         if chosen.any():
             of_chosen = located & chosen[of_way]
-            shapes[chosen] = make(places[of_chosen], (np.cumsum(chosen) - 1)[of_way[of_chosen]])
+            shapes[chosen] = make(places[of_chosen], indices=(np.cumsum(chosen) - 1)[of_way[of_chosen]])
     cut = shapely.clip_by_rect(shapes, box.west_deg, box.south_deg, box.east_deg, box.north_deg)
     kept = np.flatnonzero(~shapely.is_missing(cut) & ~shapely.is_empty(cut))
-    rounded = shapely.transform(cut[kept], _rounded)
+    rounded = shapely.transform(cut[kept], lambda corners: np.round(corners, _DIGITS))
     return [
         OsmFeature(f"way/{ways[index].id}", geometry, ways[index].tags)
         for index, geometry in zip(kept.tolist(), rounded.tolist(), strict=True)
     ]
 
 
-def _areas(places: FloatArray, of_area: npt.NDArray[np.int64]) -> npt.NDArray[np.object_]:
-    rings = shapely.linearrings(places, indices=of_area)
-    return np.asarray(shapely.make_valid(shapely.polygons(rings)))
-
-
-def _lines(places: FloatArray, of_line: npt.NDArray[np.int64]) -> npt.NDArray[np.object_]:
-    return np.asarray(shapely.linestrings(places, indices=of_line))
+def _areas(places: FloatArray, *, indices: npt.NDArray[np.int64]) -> npt.NDArray[np.object_]:
+    return np.asarray(shapely.make_valid(shapely.polygons(shapely.linearrings(places, indices=indices))))
 
 
 def _is_area(tags: Mapping[str, str]) -> bool:
@@ -128,7 +123,3 @@ def _is_area(tags: Mapping[str, str]) -> bool:
     return any(key in tags for key in _AREA_KEYS) or not _AREA_VALUES.isdisjoint(
         tags.get(key, "") for key in ("natural", "waterway", "man_made")
     )
-
-
-def _rounded(places: FloatArray) -> FloatArray:
-    return np.round(places, _DIGITS)

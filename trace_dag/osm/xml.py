@@ -1,6 +1,6 @@
 """OSM XML (API 0.6) to and from :class:`~trace_dag.osm.types.OsmExtract`.
 
-The form in which extracts are stored, and in which the OSM API and Overpass answer. Written so that other tools
+The form of the extracts in packages, and of the answers of the OSM API and Overpass. Written so that other tools
 (osmium, JOSM, netconvert, Osm2Odr) read it: objects sorted by type and id, coordinates at OSM's own resolution of
 1e-7 degrees, ``version="1"`` on every object because some readers insist on it. Facts without a field in OSM XML are
 attributes that other readers ignore: ``clipped`` on nodes made at the border of the box and ``source`` on the root.
@@ -35,14 +35,13 @@ from trace_dag.osm.types import BoundingBox, OsmExtract, OsmMember, OsmNode, Osm
 _GENERATOR: Final = "trace-dag"
 _ID: Final = attrgetter("id")
 _IN_ATTRIBUTES: Final = {'"': "&quot;", "\n": "&#10;", "\t": "&#9;", "\r": "&#13;"}
-_MEMBER_TYPES: Final = ("node", "way", "relation")
+_KINDS: Final = ("node", "way", "relation")
 # Everything XML 1.0 cannot hold: control characters, surrogates, the two non-characters.
 _NOT_XML: Final = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _BLOCK: Final = 2**20
 _ODD: Final = re.compile(rb"""\b(?:id|ref)\s*=\s*["']-|\b(?:action|visible)\s*=|<nd\b[^>]*\blat\s*=""")
 _LONGEST: Final = 2**10  # bytes of a tag that the pattern has to see whole
 _ABOVE_ALL: Final = 4 * 10**15  # OSM's ids are below 2**36
-_KINDS: Final = ("node", "way", "relation")
 _CHILDREN: Final = {"node": ("tag",), "way": ("nd", "tag"), "relation": ("member", "tag")}
 _Element = etree._Element
 
@@ -95,7 +94,8 @@ def read_osm(data: bytes, *, name: str) -> OsmExtract:
     relations: dict[int, OsmRelation] = {}
     timestamp = ""
     box: BoundingBox | None = None
-    for element in _current(root, name):
+    objects = (element for element in _newest(root, name).values() if not is_gone(element))
+    for element in (*root.iterchildren("bounds", "meta"), *objects):
         match element.tag:
             case "bounds":
                 box = BoundingBox(
@@ -133,17 +133,14 @@ def read_osm(data: bytes, *, name: str) -> OsmExtract:
     )
 
 
-def _current(root: etree._Element, name: str) -> Iterator[etree._Element]:
-    """Yield the header's elements, and of each object the newest version, if it exists."""
+def _newest(root: etree._Element, name: str) -> dict[tuple[str, int], etree._Element]:
+    """Return the newest version of each object, by type and id."""
     newest: dict[tuple[str, int], etree._Element] = {}
-    for element in root:
-        if element.tag not in _MEMBER_TYPES:
-            yield element
-            continue
-        key = str(element.tag), _integer(element, "id", name)
+    for element in root.iterchildren(*_KINDS):
+        key = element.tag, _integer(element, "id", name)
         if key not in newest or age(element) >= age(newest[key]):
             newest[key] = element
-    yield from (element for element in newest.values() if not is_gone(element))
+    return newest
 
 
 def _parse(data: bytes, name: str) -> etree._Element:
@@ -194,8 +191,8 @@ def _read_tags(element: etree._Element) -> dict[str, str]:
 
 def _member(element: etree._Element, name: str) -> OsmMember:
     kind = element.get("type", "")
-    if kind not in _MEMBER_TYPES:
-        raise UserError(f'{name}: <member type="{kind}"> at line {element.sourceline}, expected one of {_MEMBER_TYPES}')
+    if kind not in _KINDS:
+        raise UserError(f'{name}: <member type="{kind}"> at line {element.sourceline}, expected one of {_KINDS}')
     return OsmMember(kind, _integer(element, "ref", name), element.get("role", ""))
 
 
@@ -253,7 +250,7 @@ def as_plain_xml(path: Path) -> Iterator[Path]:
         plain = Path(folder) / "plain.osm"
         try:
             _rewrite(path, plain)
-        except (etree.XMLSyntaxError, OSError, ValueError) as error:
+        except (etree.XMLSyntaxError, OSError, ValueError, UserError) as error:
             if getattr(error, "code", None) == etree.ErrorTypes.ERR_NO_MEMORY:
                 raise MemoryError from error
             plain = path  # said by libosmium, which reads it next
@@ -281,11 +278,7 @@ def _rewrite(source: Path, target: Path) -> None:
     assert opener is not None
     with opener(source, "rb") as stream:
         root = etree.parse(stream, etree.XMLParser(resolve_entities=False, no_network=True)).getroot()
-    newest: dict[str, dict[int, _Element]] = {kind: {} for kind in _KINDS}
-    for element in root.iterchildren(*_KINDS):
-        of_kind, number = newest[element.tag], int(element.get("id", ""))
-        if number not in of_kind or age(element) >= age(of_kind[number]):
-            of_kind[number] = element
+    newest = _newest(root, source.name)
     located: dict[int, _Element] = {}
     for nd in root.iterfind("way/nd[@lat]"):
         located.setdefault(int(nd.get("ref", "")), nd)
@@ -293,12 +286,11 @@ def _rewrite(source: Path, target: Path) -> None:
         for bounds in root.iterchildren("bounds"):
             file.write(bounds)
         for number, nd in located.items():
-            if number not in newest["node"]:
+            if ("node", number) not in newest:
                 file.write(_plain(nd, "node", number))
-        for kind, of_kind in newest.items():
-            for number, element in of_kind.items():
-                if not is_gone(element):
-                    file.write(_plain(element, kind, number))
+        for (kind, number), element in sorted(newest.items(), key=lambda each: _KINDS.index(each[0][0])):
+            if not is_gone(element):
+                file.write(_plain(element, kind, number))
 
 
 def age(element: _Element) -> tuple[int, int]:

@@ -7,7 +7,7 @@ only.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final, Literal, Self
 
 from trace_dag.common.dataclass_tools import json_adapter
 from trace_dag.roads.map.model import LaneMatch
@@ -15,6 +15,23 @@ from trace_dag.roads.map.model import LaneMatch
 STRUCTURES_WITHIN_M: Final = 100.0
 """Distance within which a bridge or tunnel is noted; the published study left crashes out that were this near to
 one."""
+
+
+class _Stored:
+    """A report that is stored as JSON."""
+
+    def to_json(self) -> bytes:
+        """Return the report as stored.
+
+        >>> RejectedMapReport.from_json(RejectedMapReport("native", 30.0, ()).to_json()).max_move_m
+        30.0
+        """
+        return json_adapter(type(self)).dump_json(self, indent=1)
+
+    @classmethod
+    def from_json(cls, data: bytes) -> Self:
+        """Return a stored report."""
+        return json_adapter(cls).validate_json(data)
 
 
 @dataclass(frozen=True)
@@ -136,7 +153,7 @@ class ReversibleRoad:
 
 
 @dataclass(frozen=True)
-class MapReport:
+class MapReport(_Stored):
     """Everything recorded beside a road map."""
 
     converter: str
@@ -172,7 +189,7 @@ class NearStreet:
 
 
 @dataclass(frozen=True)
-class RejectedMapReport:
+class RejectedMapReport(_Stored):
     """The report beside a map for which its crash is rejected.
 
     ``streets`` around the reported point, nearest first; the point may be moved by at most ``max_move_m`` to its road.
@@ -183,38 +200,3 @@ class RejectedMapReport:
     max_move_m: float
     streets: tuple[NearStreet, ...]
     gates: tuple[MapGate, ...] = ()
-
-
-# --- stored -----------------------------------------------------------------------------------------------------------
-def map_report_to_json(report: MapReport) -> bytes:
-    """Return the report as stored.
-
-    >>> import json
-    >>> json.loads(map_report_to_json(map_report))["placement"]["moved_m"]
-    0.0
-    """
-    return json_adapter(MapReport).dump_json(report, indent=1)
-
-
-def map_report_from_json(data: bytes) -> MapReport:
-    """Return a stored report."""
-    return json_adapter(MapReport).validate_json(data)
-
-
-def rejected_report_to_json(report: RejectedMapReport) -> bytes:
-    """Return the report on a map for which its crash is rejected, as stored.
-
-    >>> import json
-    >>> json.loads(rejected_report_to_json(RejectedMapReport("native", 30.0, ())))["max_move_m"]
-    30.0
-    """
-    return json_adapter(RejectedMapReport).dump_json(report, indent=1)
-
-
-def rejected_report_from_json(data: bytes) -> RejectedMapReport:
-    """Return a stored report on a map for which its crash is rejected.
-
-    >>> rejected_report_from_json(b'{"converter": "native", "max_move_m": 30, "streets": []}').max_move_m
-    30.0
-    """
-    return json_adapter(RejectedMapReport).validate_json(data)

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from trace_dag.flow.contract import Figure, StageProduct
 from trace_dag.roads.build import RejectedRoadMap, build_road_map
-from trace_dag.roads.report import map_report_to_json, rejected_report_to_json
 
 if TYPE_CHECKING:
     from trace_dag.common.settings import RoadSettings
@@ -22,7 +21,7 @@ def road_map(record: CrashRecord, extract: OsmExtract, settings: RoadSettings) -
     try:
         built = build_road_map(extract, record, settings)
     except RejectedRoadMap as rejected:
-        kept = {"rejected.xodr": rejected.xodr, "rejected.json": rejected_report_to_json(rejected.report)}
+        kept = {"rejected.xodr": rejected.xodr, "rejected.json": rejected.report.to_json()}
         read_back = {"rejected.xodr": rejected.network, "rejected.json": rejected.report}
         return StageProduct(kept, {"converter": rejected.report.converter}, rejected, parsed=read_back)
     report = built.report
@@ -37,5 +36,5 @@ def road_map(record: CrashRecord, extract: OsmExtract, settings: RoadSettings) -
         "things_beside_road": len(report.things),
         "attributes_that_differ": sum(each.agreement == "differs" for each in report.comparisons),
     }
-    files = {"xodr": built.stored.xodr, "json": map_report_to_json(report)}
+    files = {"xodr": built.stored.xodr, "json": report.to_json()}
     return StageProduct(files, figures, parsed={"xodr": built.stored.network})

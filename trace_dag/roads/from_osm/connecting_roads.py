@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Final, NamedTuple
 
@@ -113,7 +114,7 @@ def _links(movements: Sequence[Movement]) -> list[_Link]:
         links += _side_by_side(movement, run, plan)
         origin, target = movement.origin, movement.target
         if origin.centre and target.centre and origin.road_id <= target.road_id:
-            middle = (origin.centre, _seen_outbound(target.centre))
+            middle = (origin.centre, replace(target.centre, offset_m=-target.centre.offset_m))
             links.append(_street_link(movement, [middle], plan, LaneType.BIDIRECTIONAL))
     return links
 
@@ -205,10 +206,6 @@ def _is_sharp(movement: Movement, plan: PlanView) -> bool:
 
 def _adjacent(left: ArmLane, right: ArmLane) -> bool:
     return abs(left.offset_m - left.width_m / 2 - right.offset_m - right.width_m / 2) < 1e-6
-
-
-def _seen_outbound(lane: ArmLane) -> ArmLane:
-    return ArmLane(lane.id, lane.type, -lane.offset_m, lane.width_m, lane.turns)
 
 
 def _along_streets(movement: Movement) -> PlanView | None:

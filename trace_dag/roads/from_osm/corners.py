@@ -223,7 +223,8 @@ def _road(path: _Path, road_id: str, junction_id: str) -> Road:
     origin, target = path.origin, path.target
     rise = hermite(length_m, origin.height_m, target.height_m, origin.grade, -target.grade)
     half = hermite(length_m, path.origin_lane.width_m / 2, path.target_lane.width_m / 2, 0.0, 0.0)
-    side = 1 if path.kind is LaneType.BIKING and _is_left(path) else -1
+    on_left = path.origin_lane is origin.beside.get((path.kind, 1))
+    side = 1 if path.kind is LaneType.BIKING and on_left else -1
     lane = Lane(
         id=side,
         type=path.kind,
@@ -248,10 +249,6 @@ def _road(path: _Path, road_id: str, junction_id: str) -> Road:
         bridge=origin.road.bridge and target.road.bridge,
         tunnel=origin.road.tunnel and target.road.tunnel,
     )
-
-
-def _is_left(path: _Path) -> bool:
-    return path.origin_lane is path.origin.beside.get((path.kind, 1))
 
 
 def _with_connections(junction: Junction, roads: Sequence[Road]) -> Junction:

@@ -12,7 +12,7 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Final
 
 import numpy as np
@@ -91,7 +91,7 @@ def build_street_graph(
         if len(node_ids) > 1:
             ways.append(_Edge(profile_of(way), node_ids))
     for edge in ways:
-        edge.node_ids = _without_repeats([_canonical(node, aliases) for node in edge.node_ids])
+        edge.node_ids = [node for node, _ in groupby(_canonical(node, aliases) for node in edge.node_ids)]
     pieces = _without_overlaps(ways)
     blocked = {_canonical(node.id, aliases) for node in extract.nodes.values() if blocks_cars(node.tags)}
     pieces = _cut_at_barriers(pieces, blocked, positions)
@@ -133,10 +133,6 @@ def _usable_nodes(way: OsmWay, positions: dict[int, Point], aliases: dict[int, i
                 continue
         kept.append(node)
     return kept
-
-
-def _without_repeats(node_ids: list[int]) -> list[int]:
-    return [node for index, node in enumerate(node_ids) if index == 0 or node != node_ids[index - 1]]
 
 
 def _without_overlaps(ways: list[_Edge]) -> list[_Edge]:

@@ -68,7 +68,7 @@ def reverse_tags(tags: Mapping[str, str]) -> dict[str, str]:
     Lists with one entry per lane and a direction go from left to right as drivers see them and stay so. Those without a
     direction go along the way and are reversed, unless that would paint left turns right of right turns.
     """
-    turned = {_swapped(key, ":"): value for key, value in tags.items()}
+    turned = {":".join(_OTHER.get(part, part) for part in key.split(":")): value for key, value in tags.items()}
     as_driven = _is_as_driven(tags.get("turn:lanes", ""))
     for key, value in turned.items():
         if key.partition(":")[0] in _SIDED or key.endswith("direction"):
@@ -78,10 +78,6 @@ def reverse_tags(tags: Mapping[str, str]) -> dict[str, str]:
         elif key.endswith(":lanes") and not as_driven:
             turned[key] = "|".join(value.split("|")[::-1])
     return turned
-
-
-def _swapped(text: str, separator: str) -> str:
-    return separator.join(_OTHER.get(part, part) for part in text.split(separator))
 
 
 def _is_as_driven(turns: str) -> bool:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from trace_dag.common.geometry import FloatArray
     from trace_dag.roads.map.lane_geometry import LaneGeometry
-    from trace_dag.roads.map.model import Cubic, LaneRef, LaneSection, Road
+    from trace_dag.roads.map.model import Cubic, LaneRef, Road
 
     Box = tuple[float, float, float, float]  # west, south, east, north; m
     LanesOf = Callable[[Road], Iterable[tuple[LaneRef, LaneGeometry]]]
@@ -170,12 +170,10 @@ def _boxes(roads: Sequence[Road]) -> FloatArray:
 
 def _farthest_lane_m(road: Road) -> float:
     """Return a distance from the reference line that contains all lanes of a road."""
-    offset_m = _bound_m(road.lane_offset, road.length_m)
-    return offset_m + max((_width_bound_m(section, road.length_m) for section in road.lane_sections), default=0.0)
-
-
-def _width_bound_m(section: LaneSection, length_m: float) -> float:
-    return math.fsum(_bound_m(lane.widths, length_m) for lane in section.lanes)
+    widths_m = (
+        math.fsum(_bound_m(lane.widths, road.length_m) for lane in section.lanes) for section in road.lane_sections
+    )
+    return _bound_m(road.lane_offset, road.length_m) + max(widths_m, default=0.0)
 
 
 def _bound_m(cubics: Sequence[Cubic], length_m: float) -> float:

@@ -51,7 +51,9 @@ def write_opendrive(network: RoadNetwork, *, marks: Marks = "reconstruction") ->
     out = ['<?xml version="1.0" encoding="UTF-8"?>\n<OpenDRIVE>\n']
     _write_header(out, network)
     for road in network.roads:
-        _write_road(out, road, marks, _lights_of(network, road))
+        # Without references to its lights, readers take a junction for one without lights.
+        lights = [signal for signal in _signals_before(network, road) if signal.type == _LIGHT]
+        _write_road(out, road, marks, lights)
     out.extend(map(_controller, network.controllers))
     for junction in network.junctions:
         _write_junction(out, junction, _priorities(network, junction))
@@ -113,14 +115,6 @@ def _signals_before(network: RoadNetwork, road: Road) -> list[Signal]:
         return []
     towards = "+" if link.contact_point is ContactPoint.END else "-"
     return [signal for signal in origin.signals if signal.orientation == towards]
-
-
-def _lights_of(network: RoadNetwork, road: Road) -> list[Signal]:
-    """Return the lights that a connecting road refers to.
-
-    Without them, readers take its junction for one without lights.
-    """
-    return [signal for signal in _signals_before(network, road) if signal.type == _LIGHT]
 
 
 def _priorities(network: RoadNetwork, junction: Junction) -> list[tuple[str, str]]:
