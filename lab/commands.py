@@ -14,4 +14,4 @@ def run_study(command: click.Command) -> None:
     name = sys.argv[0].removeprefix("lab ")
     cli.add_command(command, name)
     sys.argv = ["lab", name, *sys.argv[1:]]
-    main()
+    main("python -m lab")

@@ -79,12 +79,12 @@ def cli(context: click.Context, root: str | None) -> None:
     context.obj = storage_root(root)
 
 
-def main() -> None:
-    """Run the command."""
+def main(program: str | None = None) -> None:
+    """Run the command; ``program`` is its name in messages, by default that of the process."""
     try:
         configure_logging()
         _refuse_windows()
-        sys.exit(cli.main(standalone_mode=False))
+        sys.exit(cli.main(prog_name=program, standalone_mode=False))
     except click.ClickException as error:
         context = getattr(error, "ctx", None)  # of usage errors alone
         command = context.command_path if context is not None else "trace-dag"
