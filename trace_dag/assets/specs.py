@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import base64
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from dagster import AssetMaterialization, AssetSpec, MetadataValue, TableColumn, TableSchema
@@ -20,6 +20,8 @@ from trace_dag.common.stage import Stage
 from trace_dag.common.storage.files import Storage
 from trace_dag.crash.tables import CRASH_RECORD
 from trace_dag.export.crash_files import page_name
+from trace_dag.flow.contract import StageDefinition
+from trace_dag.flow.stages import FLOW
 from trace_dag.flow.tasks import Action, StageEvent
 from trace_dag.pages.canvas import reduce_picture
 from trace_dag.simulation.log_io import SIMULATION_STEPS
@@ -129,23 +131,63 @@ def _linked(what: str, site_url: str | None) -> str:
 OWNERS = ["team:crash-reconstruction"]
 
 
-def stage_spec(
-    stage: Stage,
-    *,
-    group: str,
-    kinds: set[str],
-    description: str,
-    deps: Sequence[Stage] = (),
-    columns: schemas.TableSchema | None = None,
-) -> AssetSpec:
+_ABOUT: Mapping[Stage, tuple[str, set[str], str]] = {
+    Stage.RAW_REPORT: (
+        "reports",
+        {"xml", "json"},
+        "The crash report as its source serves it: NHTSA's CrashAPI XML, untouched, or a table's rows.",
+    ),
+    Stage.CRASH_RECORD: (
+        "reports",
+        {"parquet", "python"},
+        "The report as typed data: the crash, its vehicles and its events in SI units, unknown as null, classified "
+        "along the three dimensions of coverage. Rejected if it does not say enough.",
+    ),
+    Stage.OSM_EXTRACT: (
+        "roads",
+        {"openstreetmap", "file"},
+        "The drivable roads of OpenStreetMap around the reported point. © OpenStreetMap contributors, ODbL 1.0.",
+    ),
+    Stage.ROAD_MAP: (
+        "roads",
+        {"opendrive", "python"},
+        "The road map as OpenDRIVE 1.7, with the crash's place on it, the gates it passed and how it agrees with the "
+        "report.",
+    ),
+    Stage.STATE_ESTIMATE: (
+        "scenarios",
+        {"json", "python"},
+        "Impact and initial states of the vehicles, for one hypothesis or several, best first. Reported speeds are "
+        "kept.",
+    ),
+    Stage.SIMULATION_LOG: (
+        "scenarios",
+        {"parquet", "mujoco"},
+        "What happens when the estimate is simulated: states per step, contacts, and why it ended.",
+    ),
+    Stage.VERDICT: (
+        "verdicts",
+        {"json", "python"},
+        "Whether the simulated crash is the reported one: every criterion with its value, threshold and whether it "
+        "holds, and the crash's picture.",
+    ),
+}
+"""Group, kinds and description of each stage's asset."""
+_COLUMNS = {Stage.CRASH_RECORD: CRASH_RECORD, Stage.SIMULATION_LOG: SIMULATION_STEPS}
+
+
+def _spec(definition: StageDefinition) -> AssetSpec:
     """Return the specification of a stage's asset; its description ends with its reasons for rejection."""
+    stage = definition.stage
+    group, kinds, description = _ABOUT[stage]
+    before = {each.stage for each in FLOW.inputs(definition).values()}
     reasons = [reason.value for reason in Reason if reason.stage is stage]
     metadata: dict[str, Any] = {"artefact": f"ROOT/{stage}/<key>.*"}
-    if columns is not None:
-        metadata["dagster/column_schema"] = column_schema(columns)
+    if stage in _COLUMNS:
+        metadata["dagster/column_schema"] = column_schema(_COLUMNS[stage])
     return AssetSpec(
         stage.value,
-        deps=[each.value for each in deps],
+        deps=[each.value for each in Stage if each in before],
         group_name=group,
         kinds=kinds,
         owners=OWNERS,
@@ -179,61 +221,5 @@ def column_schema(table: schemas.TableSchema) -> TableSchema:
     )
 
 
-STAGES = (
-    stage_spec(
-        Stage.RAW_REPORT,
-        group="reports",
-        kinds={"xml", "json"},
-        description="The crash report as its source serves it: NHTSA's CrashAPI XML, untouched, or a table's rows.",
-    ),
-    stage_spec(
-        Stage.CRASH_RECORD,
-        group="reports",
-        kinds={"parquet", "python"},
-        deps=[Stage.RAW_REPORT],
-        columns=CRASH_RECORD,
-        description="The report as typed data: the crash, its vehicles and its events in SI units, unknown as null, "
-        "classified along the three dimensions of coverage. Rejected if it does not say enough.",
-    ),
-    stage_spec(
-        Stage.OSM_EXTRACT,
-        group="roads",
-        kinds={"openstreetmap", "file"},
-        deps=[Stage.CRASH_RECORD],
-        description="The drivable roads of OpenStreetMap around the reported point. "
-        "© OpenStreetMap contributors, ODbL 1.0.",
-    ),
-    stage_spec(
-        Stage.ROAD_MAP,
-        group="roads",
-        kinds={"opendrive", "python"},
-        deps=[Stage.CRASH_RECORD, Stage.OSM_EXTRACT],
-        description="The road map as OpenDRIVE 1.7, with the crash's place on it, the gates it passed and how it "
-        "agrees with the report.",
-    ),
-    stage_spec(
-        Stage.STATE_ESTIMATE,
-        group="scenarios",
-        kinds={"json", "python"},
-        deps=[Stage.CRASH_RECORD, Stage.ROAD_MAP],
-        description="Impact and initial states of the vehicles, for one hypothesis or several, best first. "
-        "Reported speeds are kept.",
-    ),
-    stage_spec(
-        Stage.SIMULATION_LOG,
-        group="scenarios",
-        kinds={"parquet", "mujoco"},
-        deps=[Stage.CRASH_RECORD, Stage.ROAD_MAP, Stage.STATE_ESTIMATE],
-        columns=SIMULATION_STEPS,
-        description="What happens when the estimate is simulated: states per step, contacts, and why it ended.",
-    ),
-    stage_spec(
-        Stage.VERDICT,
-        group="verdicts",
-        kinds={"json", "python"},
-        deps=[Stage.CRASH_RECORD, Stage.ROAD_MAP, Stage.STATE_ESTIMATE, Stage.SIMULATION_LOG],
-        description="Whether the simulated crash is the reported one: every criterion with its value, threshold and "
-        "whether it holds, and the crash's picture.",
-    ),
-)
+STAGES = tuple(map(_spec, FLOW.stages))
 """The assets of the stages, in their order."""
