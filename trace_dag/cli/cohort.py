@@ -12,7 +12,7 @@ import click
 
 from trace_dag.cli.options import ManyValuesCommand, OutputFile, examples, pass_root
 from trace_dag.cli.printing import one_line, print_table, say, write_json
-from trace_dag.common.errors import Failure, UserError
+from trace_dag.common.errors import Failure, Rejection, UserError
 from trace_dag.common.messages.logs import print_problem
 from trace_dag.common.messages.wording import count_of
 
@@ -135,7 +135,6 @@ def osmium(root: str, name: str, output: Path, map_name: str) -> None:
 
     The output is one map file with the surroundings of every crash whose report is at hand and has a position.
     """
-    from trace_dag.common.errors import Rejection
     from trace_dag.crash.parse import reported_position
     from trace_dag.flow.cohorts.listings import listings_of
     from trace_dag.flow.workspace import Workspace

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import click
 
 from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import print_table, progress_bar, write_json
-from trace_dag.cli.study import apply_rules, into_warehouse, rules_option, run_for_cohorts
+from trace_dag.cli.study import Problems, apply_rules, into_warehouse, rules_option, run_for_cohorts
 
 if TYPE_CHECKING:
     from trace_dag.common.settings import RuleSetName
@@ -38,10 +39,8 @@ def controls(root: str, cohort: str | None, rules: RuleSetName | None, most: int
     reported speed is driven as well, which the paper's criteria do not require. Every judgement enters the warehouse,
     as table negative_controls.
     """
-    from dataclasses import asdict
 
     from trace_dag.agents.summaries import controls_table
-    from trace_dag.cli.study import Problems
     from trace_dag.flow.controls import negative_controls
     from trace_dag.flow.workspace import Workspace
 

@@ -20,7 +20,8 @@ from trace_dag.cli.options import (
     traffic_option,
 )
 from trace_dag.cli.printing import print_table, progress_of, say, write_json
-from trace_dag.cli.study import into_warehouse
+from trace_dag.cli.study import Problems, into_warehouse
+from trace_dag.common.errors import UserError
 from trace_dag.common.messages.logs import print_problem
 from trace_dag.common.storage.disk_errors import name_file_in_errors
 
@@ -160,8 +161,6 @@ def evaluate(
     from trace_dag.agents.evaluations import evaluate_agents, remove_agent, try_agents
     from trace_dag.agents.stored_cases import AgentRole, likely_courses, stored_variations, verified_cases
     from trace_dag.agents.submissions import results_file
-    from trace_dag.cli.study import Problems
-    from trace_dag.common.errors import UserError
     from trace_dag.export.build import publish_leaderboard
     from trace_dag.flow.workspace import Workspace
 

@@ -9,6 +9,7 @@ import click
 
 from trace_dag.cli.options import ManyValuesCommand, examples, pass_root
 from trace_dag.cli.printing import progress_of, say
+from trace_dag.cli.study import Problems
 from trace_dag.common.messages.wording import count_of
 from trace_dag.export.formats import FORM_OF_READER
 
@@ -50,7 +51,6 @@ def export(
 
     A repeated export writes only the files that have changed.
     """
-    from trace_dag.cli.study import Problems
     from trace_dag.export.export import accepted_keys
     from trace_dag.export.export import export as write
     from trace_dag.flow.workspace import Workspace

@@ -9,7 +9,8 @@ import click
 
 from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import print_table, say
-from trace_dag.cli.study import into_warehouse
+from trace_dag.cli.study import Problems, into_warehouse
+from trace_dag.common.errors import UserError
 from trace_dag.common.messages.wording import count_of
 
 
@@ -28,7 +29,6 @@ def weighted(root: str, bench: Path) -> None:
     weighted share.
     """
     from trace_dag.agents.summaries import weigh_table
-    from trace_dag.common.errors import UserError
     from trace_dag.export.release_metadata import read_definition
     from trace_dag.flow.workspace import Workspace
     from trace_dag.warehouse.query import rows
@@ -55,8 +55,6 @@ def add(root: str, file: Path) -> None:
     """
     from trace_dag.agents.evaluations import store_rows
     from trace_dag.agents.submissions import check
-    from trace_dag.cli.study import Problems
-    from trace_dag.common.errors import UserError
     from trace_dag.export.build import publish_leaderboard
     from trace_dag.flow.workspace import Workspace
 

@@ -11,7 +11,7 @@ import click
 
 from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import progress_bar, say
-from trace_dag.cli.study import into_warehouse
+from trace_dag.cli.study import Problems, into_warehouse
 from trace_dag.common.messages.wording import count_of
 
 if TYPE_CHECKING:
@@ -60,7 +60,6 @@ def release(
 
     An interrupted release resumes. A finished one is never changed: other content needs another version.
     """
-    from trace_dag.cli.study import Problems
     from trace_dag.export.export import accepted_keys
     from trace_dag.export.release import build_release, check_version
     from trace_dag.flow.workspace import Workspace

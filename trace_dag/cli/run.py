@@ -21,8 +21,8 @@ from trace_dag.cli.options import (
     run_overrides,
     stage_option,
 )
-from trace_dag.cli.printing import progress_bar, progress_of, say
-from trace_dag.common.errors import Reason, UserError
+from trace_dag.cli.printing import one_line, print_statuses, progress_bar, progress_of, say
+from trace_dag.common.errors import DamagedFile, Reason, UserError
 from trace_dag.common.gc_pause import gc_paused
 from trace_dag.common.messages.logs import print_problem
 from trace_dag.common.stage import Stage
@@ -113,7 +113,6 @@ _FAILURES_SHOWN = 20
 
 def run_selection(root: str, settings: Mapping[str, Any], select: Callable[[Workspace], Selection]) -> int:
     """Run a selection through Dagster in this process, then update the summaries; return the exit code."""
-    from trace_dag.cli.printing import one_line, print_statuses
     from trace_dag.flow.batch import check_requirements
     from trace_dag.flow.crash_status import FinalState, crash_statuses
     from trace_dag.flow.records import read_records
@@ -207,7 +206,6 @@ def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], select
 
 def _damaged_warehouse(workspace: Workspace) -> str:
     """Return a sentence on the fault of the warehouse; empty if it is undamaged."""
-    from trace_dag.common.errors import DamagedFile
     from trace_dag.warehouse.query import check_warehouse
 
     try:

@@ -8,6 +8,7 @@ import click
 
 from trace_dag.cli.options import examples
 from trace_dag.cli.printing import print_table, write_json
+from trace_dag.common.errors import UserError
 
 if TYPE_CHECKING:
     from trace_dag.common.settings_sources import DescribedSetting
@@ -23,7 +24,6 @@ def settings(root: str, section: str | None, as_json: bool) -> None:
     The names carry the units: _m metres, _s seconds, _mps metres a second, _deg degrees, _h clock positions. Set one in
     ROOT/settings.toml, or in the environment: TRACE_DAG_SIM__STEP_S=0.002.
     """
-    from trace_dag.common.errors import UserError
     from trace_dag.flow.workspace import settings_of
 
     rows = [each for each in settings_of(root) if section in (None, each.section)]

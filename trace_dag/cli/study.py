@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 
 from trace_dag.cli.printing import one_line
-from trace_dag.common.errors import Failure
+from trace_dag.common.errors import Failure, UserError
 from trace_dag.common.messages.logs import print_problem
 
 if TYPE_CHECKING:
@@ -41,7 +41,6 @@ def run_for_cohorts(
 
     If nothing can be studied, the collected problems are printed before the error is raised.
     """
-    from trace_dag.common.errors import UserError
     from trace_dag.flow.stored_crashes import cohorts_of, study_each
 
     try:

@@ -9,7 +9,8 @@ import click
 
 from trace_dag.cli.options import Within, examples, pass_root
 from trace_dag.cli.printing import print_table, progress_of, write_json
-from trace_dag.cli.study import into_warehouse
+from trace_dag.cli.study import Problems, into_warehouse
+from trace_dag.common.errors import Failure
 from trace_dag.common.messages.wording import last_line
 
 
@@ -32,8 +33,6 @@ def traffic(
     from trace_dag.agents.stored_cases import verified_cases
     from trace_dag.agents.stored_traffic import make_traffic
     from trace_dag.agents.summaries import traffic_table
-    from trace_dag.cli.study import Problems
-    from trace_dag.common.errors import Failure
     from trace_dag.flow.workspace import Workspace
     from trace_dag.scenario.traffic.simulation import TrafficRequest
 

@@ -10,7 +10,8 @@ import click
 
 from trace_dag.cli.options import ManyValuesCommand, Within, examples, pass_root
 from trace_dag.cli.printing import print_table, progress_of, write_json
-from trace_dag.cli.study import into_warehouse
+from trace_dag.cli.study import Problems, into_warehouse
+from trace_dag.common.errors import Failure
 from trace_dag.common.messages.wording import last_line
 from trace_dag.common.storage.disk_errors import name_file_in_errors
 
@@ -79,8 +80,6 @@ def vary(
     from trace_dag.agents.stored_variations import FamilyRequest
     from trace_dag.agents.summaries import families_table
     from trace_dag.agents.variations import Bounds, Criteria
-    from trace_dag.cli.study import Problems
-    from trace_dag.common.errors import Failure
     from trace_dag.export.package import zip_files
     from trace_dag.export.packaging import package_of_variation
     from trace_dag.flow.workspace import Workspace

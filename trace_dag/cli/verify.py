@@ -11,6 +11,7 @@ import click
 
 from trace_dag.cli.options import examples, pass_root
 from trace_dag.cli.printing import one_line, print_first, print_stale, progress_bar, say, write_json
+from trace_dag.common.errors import DamagedFile, UserError
 from trace_dag.common.messages.logs import print_problem
 from trace_dag.common.messages.wording import count_of
 
@@ -36,7 +37,6 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
     """
     from trace_dag.assets.launch import dagster_records, summarise
     from trace_dag.assets.verify import repair_dagster
-    from trace_dag.common.errors import UserError
     from trace_dag.common.stage import Stage
     from trace_dag.export.build import repair_benchmark
     from trace_dag.flow.verify import DisagreementKind, Quarantine, repair_storage
@@ -115,7 +115,6 @@ def _look(
 
 def _stale(workspace: Workspace, report: StorageReport) -> list[StaleResult]:
     """Return the outdated results, which a run would make again, without the damaged ones."""
-    from trace_dag.common.errors import DamagedFile
     from trace_dag.flow.batch import stale_results
 
     try:
