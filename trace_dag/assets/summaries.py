@@ -9,6 +9,7 @@ of *assets* does both. Crashes that failed or lost their verdict between two bui
 """
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -127,6 +128,7 @@ def _said(error: tuple[str, str]) -> str:
 
 # --- checks ----------------------------------------------------------------------------------------------------------
 _NAMED = 50
+_check = partial(asset_check, asset=warehouse, required_resource_keys={"workspace"})
 
 
 def _ask(context: AssetCheckExecutionContext, sql: str) -> list[tuple[Any, ...]]:
@@ -138,11 +140,7 @@ def _listing(names: list[str], rows: list[tuple[Any, ...]]) -> MetadataValue:
     return MetadataValue.md(markdown.table(names, rows[:_NAMED]))
 
 
-@asset_check(
-    asset=warehouse,
-    required_resource_keys={"workspace"},
-    description="No crash stands failed or outdated. The ones that do are named, with the stage and what happened.",
-)
+@_check(description="No crash stands failed or outdated. The ones that do are named, with the stage and what happened.")
 def no_failed_crashes(context: AssetCheckExecutionContext) -> AssetCheckResult:
     """Check that no crash is in the state failed."""
     rows = _ask(context, "SELECT key, final_state, stage, message FROM failures ORDER BY key")
@@ -152,11 +150,7 @@ def no_failed_crashes(context: AssetCheckExecutionContext) -> AssetCheckResult:
     )
 
 
-@asset_check(
-    asset=warehouse,
-    required_resource_keys={"workspace"},
-    description="Every registered crash is in exactly one final state, and the funnel only narrows.",
-)
+@_check(description="Every registered crash is in exactly one final state, and the funnel only narrows.")
 def everything_adds_up(context: AssetCheckExecutionContext) -> AssetCheckResult:
     """Check the counts of the tables against each other."""
     ((crashes, keys, rejected, verified),) = _ask(
@@ -178,9 +172,7 @@ def everything_adds_up(context: AssetCheckExecutionContext) -> AssetCheckResult:
     )
 
 
-@asset_check(
-    asset=warehouse, required_resource_keys={"workspace"}, description="Every accepted road map passes every gate."
-)
+@_check(description="Every accepted road map passes every gate.")
 def maps_pass_their_gates(context: AssetCheckExecutionContext) -> AssetCheckResult:
     """Check the gates of all maps."""
     rows = _ask(
@@ -198,11 +190,9 @@ def maps_pass_their_gates(context: AssetCheckExecutionContext) -> AssetCheckResu
     )
 
 
-@asset_check(
-    asset=warehouse,
-    required_resource_keys={"workspace"},
+@_check(
     description="How each criterion that decides does over all verdicts. Rejections are data, so this only warns when "
-    "a criterion could be evaluated for no crash at all.",
+    "a criterion could be evaluated for no crash at all."
 )
 def criteria_are_evaluated(context: AssetCheckExecutionContext) -> AssetCheckResult:
     """Count how often each criterion passes, fails and is undecided."""
