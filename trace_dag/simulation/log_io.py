@@ -133,9 +133,11 @@ def logs_from_files(parquet: bytes, summary: bytes) -> tuple[SimulationLog, ...]
     missing = {column.name for column in SIMULATION_STEPS.columns} - set(table.column_names)
     if missing:
         raise Failure(f"simulation log: columns {sorted(missing)} missing in its Parquet file; simulate again")
-    columns = {name: table.column(name).to_numpy() for name in table.column_names if name != "landmarks_m"}
-    landmarks = table.column("landmarks_m").combine_chunks()
-    starts, values = landmarks.offsets.to_numpy(), landmarks.values.to_numpy()
+    # By DLPack: to_numpy of an array imports pandas, which takes longer than reading a log.
+    whole = table.combine_chunks()
+    columns = {name: np.from_dlpack(whole[name].chunk(0)) for name in ("hypothesis", "vehicle_number", *_SCALAR_NAMES)}
+    landmarks = whole["landmarks_m"].chunk(0)
+    starts, values = np.from_dlpack(landmarks.offsets), np.from_dlpack(landmarks.values)
     logs = []
     for run in summaries:
         vehicles = []
