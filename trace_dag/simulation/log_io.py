@@ -137,7 +137,7 @@ def logs_from_files(parquet: bytes, summary: bytes) -> tuple[SimulationLog, ...]
     whole = table.combine_chunks()
     columns = {name: np.from_dlpack(whole[name].chunk(0)) for name in ("hypothesis", "vehicle_number", *_SCALAR_NAMES)}
     landmarks = whole["landmarks_m"].chunk(0)
-    starts, values = np.from_dlpack(landmarks.offsets), np.from_dlpack(landmarks.values)
+    starts, values = np.from_dlpack(landmarks.offsets), np.asarray(np.from_dlpack(landmarks.values), float)
     logs = []
     for run in summaries:
         vehicles = []
