@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable
 
 import pytest
 
@@ -10,6 +11,12 @@ from trace_dag.common.plugins import resolve_reference, signature_of
 from trace_dag.common.settings import Settings
 from trace_dag.common.stage import Stage
 from trace_dag.flow.stages import FLOW
+
+
+def returned_by(reader: Callable[..., object]) -> str:
+    """The name of the type that a function returns, of a class method also where that is its own class."""
+    annotation = inspect.signature(reader).return_annotation
+    return reader.__self__.__name__ if annotation == "Self" else annotation
 
 
 @pytest.mark.parametrize("definition", FLOW.stages, ids=lambda definition: definition.stage)
@@ -21,7 +28,7 @@ def test_parameters_have_the_types_of_what_they_are_named_after(definition):
             assert annotation in {info.annotation.__name__ for info in Settings.model_fields.values()}
         elif parameter.name in FLOW.artefacts:
             reader = FLOW.artefacts[parameter.name].reader
-            returned = inspect.signature(resolve_reference(reader)).return_annotation if reader else "bytes"
+            returned = returned_by(resolve_reference(reader)) if reader else "bytes"
             expected = f"Mapping[str, {returned}]" if definition.for_several else returned
             assert annotation.removesuffix(" | None") == expected
         else:

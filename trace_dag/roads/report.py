@@ -7,7 +7,7 @@ only.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final, Literal, Self
 
 from trace_dag.common.dataclass_tools import json_adapter
 from trace_dag.roads.map.model import LaneMatch
@@ -29,7 +29,7 @@ class _Stored:
         return json_adapter(type(self)).dump_json(self, indent=1)
 
     @classmethod
-    def from_json(cls, data: bytes) -> MapReport:
+    def from_json(cls, data: bytes) -> Self:
         """Return a stored report."""
         return json_adapter(cls).validate_json(data)
 
