@@ -143,7 +143,7 @@ def test_a_car_that_circles_on_soil_tips_to_the_outside(turned_deg: float, outsi
 
 @pytest.mark.parametrize("speed_mps", [8.0, 15.0])
 def test_wheels_that_dig_in_take_energy(speed_mps: float) -> None:
-    """What the ground gives a turned wheel is across the wheel: it slows down the car that it holds in its curve."""
+    """The ground pushes a turned wheel across the wheel: it slows down the car that it holds in its curve."""
     vehicle = circling(speed_mps, 16.0)
     speeds_mps = np.hypot(vehicle.velocity_x_mps, vehicle.velocity_y_mps)[vehicle.time_s > 1.0]
     assert len(speeds_mps) > 50

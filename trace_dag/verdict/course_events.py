@@ -68,7 +68,7 @@ def course_doubts(beside: Comparison) -> Iterator[Reservation]:
             yield _doubt(Doubt.DEPARTURE_MISSED, events[0], f"vehicle {vehicle.number} is not simulated")
     yield from _other_zone(beside)
     yield from _overturns(beside)
-    yield from _departures(beside)
+    yield from _unreported_departure(beside)
     yield from _missing_vehicles(beside)
 
 
@@ -85,7 +85,9 @@ def _missed_events(beside: Comparison, number: int, events: list[EventRecord]) -
                 yield _doubt(doubt, event, f"vehicle {number} does not cross the {what}")
     moves = [event for event in events if event.code in _DEPARTURES or event.code == codes.CAME_BACK]
     if moves:
-        yield from _missed_departures(beside, moves, list(_excursions(network, beside.observed.log, number)))
+        excursions = list(_excursions(network, beside.observed.log, number))
+        yield from _missed_departures(beside, moves, excursions)
+        yield from _other_side(beside, moves, excursions)
 
 
 def _missed_departures(
@@ -112,6 +114,21 @@ def _missed_departures(
         elif side is not None and side not in current.sides:
             went = " or ".join(SIDES_IN_WORDS[each] for each in current.sides)
             yield _doubt(Doubt.DEPARTURE_MISSED, event, f"{vehicle} leaves the road {went}")
+
+
+def _other_side(beside: Comparison, moves: list[EventRecord], excursions: list[Excursion]) -> Iterator[Reservation]:
+    """Yield a doubt if the vehicle of the first event later leaves the road on the other side than ever reported."""
+    first, number = beside.observed.first, moves[0].party_1
+    if first is None or first.pair[0] != number or first.departure is None or first.departure.left_s is None:
+        return
+    reported = {event.code for event in moves} & _DEPARTURES
+    side = SIDE_OF_EVENT.get(reported.pop()) if len(reported) == 1 else None
+    if side not in _OPPOSITE:
+        return
+    other = _OPPOSITE[side]
+    if any(each.left_s > first.time_s and other in each.sides and side not in each.sides for each in excursions):
+        detail = f"vehicle {number} comes back and leaves the road {SIDES_IN_WORDS[other]}, which no event reports"
+        yield Reservation(Doubt.UNREPORTED_DEPARTURE, detail)
 
 
 def _window(beside: Comparison, event: EventRecord) -> tuple[float, float]:
@@ -208,28 +225,18 @@ def _overturns(beside: Comparison) -> Iterator[Reservation]:
             yield Reservation(Doubt.UNREPORTED_OVERTURN, f"vehicle {number} overturns, which no event reports")
 
 
-def _departures(beside: Comparison) -> Iterator[Reservation]:
-    """Yield a doubt if the vehicle of the first event leaves the carriageway as no event of its report does.
+def _unreported_departure(beside: Comparison) -> Iterator[Reservation]:
+    """Yield a doubt if a vehicle leaves the carriageway before the first event, and is reported to have stayed on it.
 
-    It leaves before the first event while ``PCRASH5`` places it on the roadway before the impact, or it leaves to the
-    opposite side after the first event, across the carriageway that it had left.
+    The report has no departure, and ``PCRASH5`` places the vehicle on the roadway before the impact.
     """
     first = beside.observed.first
     if first is None or first.departure is None or first.departure.left_s is None:
         return
     number = first.pair[0]
-    reported = {each.code for each in beside.record.events if each.party_1 == number and each.code in _DEPARTURES}
     stayed = any(each.number == number and each.location_code in _ON_ROADWAY for each in beside.record.vehicles)
-    if stayed and not reported:
+    if stayed and not any(each.party_1 == number and each.code in _DEPARTURES for each in beside.record.events):
         yield Reservation(Doubt.UNREPORTED_DEPARTURE, f"vehicle {number} leaves the road, which no event reports")
-    side = SIDE_OF_EVENT.get(reported.pop()) if len(reported) == 1 else None
-    if side not in _OPPOSITE:
-        return
-    other = _OPPOSITE[side]
-    excursions = _excursions(beside.observed.network, beside.observed.log, number)
-    if any(each.left_s > first.time_s and other in each.sides and side not in each.sides for each in excursions):
-        detail = f"vehicle {number} comes back and leaves the road {SIDES_IN_WORDS[other]}, which no event reports"
-        yield Reservation(Doubt.UNREPORTED_DEPARTURE, detail)
 
 
 def _missing_vehicles(beside: Comparison) -> Iterator[Reservation]:

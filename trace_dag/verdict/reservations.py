@@ -127,10 +127,13 @@ def _other_street(record: CrashRecord, network: RoadNetwork, report: MapReport) 
 
 def _other_description(support: Support) -> Reservation | None:
     """Return the doubt that two or more of the road's class, lanes, limit and alignment differ from the report."""
-    differing = [fact for fact in support.facts if fact.agreement is Agreement.DIFFERS and fact.name in _DESCRIPTION]
-    if len({fact.name for fact in differing}) < _DIFFERENCES:
+    found = {
+        fact.name: f"{fact.name} {fact.found} for {fact.reported}"
+        for fact in support.facts
+        if fact.agreement is Agreement.DIFFERS and fact.name in _DESCRIPTION
+    }
+    if len(found) < _DIFFERENCES:
         return None
-    found = {fact.name: f"{fact.name} {fact.found} for {fact.reported}" for fact in differing}
     return Reservation(Doubt.OTHER_STREET, f"the road differs from the reported one: {', '.join(found.values())}")
 
 

@@ -82,7 +82,7 @@ GARBAGE = {
 
 
 def check(network: RoadNetwork) -> None:
-    """What every map promises."""
+    """Check the promises of every map."""
     xodr = write_opendrive(network)
     assert find_violations(xodr, name="map") == []
     assert not one_sided_links(network)
@@ -182,7 +182,7 @@ def towns(draw: st.DrawFn) -> OsmExtract:
 
 
 def folds(network: RoadNetwork) -> bool:
-    """Whether a bend is tighter than half of its road, so that the inner lanes turn back on themselves there."""
+    """Return whether a bend is tighter than half of its road, so that the inner lanes turn back on themselves there."""
     for ref in network.drivable_lanes():
         road, lane = network.road_by_id[ref.road_id], network.geometry(ref)
         outer_m = max(abs(lane.centre.at(s_m)) + lane.width.at(s_m) / 2 for s_m in (lane.begin_m, lane.end_m))
